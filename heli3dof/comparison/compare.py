@@ -2,8 +2,8 @@
 
 If a recording's controller is known, each model is simulated in closed loop with it
 (`heli3dof.comparison.replay`). The comparison then contains the model's step metrics and their
-differences from the measured ones. The entries of Table II are such differences (erratum E11). For
-every recording, it contains the errors of multi-step predictions
+differences from the measured ones. The entries of Table II are such differences (erratum E11). With
+or without a known controller, the comparison contains the errors of multi-step predictions
 (`heli3dof.comparison.prediction`).
 """
 

@@ -18,13 +18,17 @@ Here the two are ``overshoot_deg`` and ``peak_deg``.
 Kinds of segment:
 
 ``step``     the reference changes at its start; y_a is the previous set value.
-``start``    the first segment, if the angle starts away from its set value; y_a is the first angle.
+``start``    the first segment, if the angle starts more than `MIN_STEP_DEG` from its set value; y_a
+             is the first angle.
 ``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest
              from the set value and the overshoot its distance (≥ 0). Percent, rise and settling
              time are undefined.
-``moving``   the reference is rarely constant (a ramp, a multisine): as ``hold``, relative to the
-             moving reference, without the steady error.
+``moving``   the whole reference, if over half of its rows are in constant parts shorter than
+             `MIN_HOLD_S` (a ramp, a multisine): as ``hold``, relative to the moving reference,
+             without the steady error.
 ``none``     there is no reference, and every metric is undefined.
+
+A segment after rows without a reference counts as a first segment.
 
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
 ``moving`` segment. A reported ``hold`` or ``moving`` segment begins at the first change of any
@@ -180,7 +184,7 @@ def axis_metrics(
 
 
 def _changes(reference: FloatArray) -> IndexArray:
-    """Return the indices at which ``reference`` changes, or becomes or ceases to be NaN (none)."""
+    """Return the indices at which the value of ``reference`` changes, also to or from NaN."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
         moved = np.abs(np.diff(reference)) > 1e-9
@@ -190,8 +194,8 @@ def _changes(reference: FloatArray) -> IndexArray:
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
     """Return the segments of a reference ``ref`` (N,), split where its value changes.
 
-    A reference that is rarely constant is one ``moving`` segment. t (N,) in s; ``ref`` and the
-    angle y (N,) in degrees.
+    A reference with over half of its rows in constant parts shorter than `MIN_HOLD_S` is a single
+    ``moving`` segment. t (N,) in s; ``ref`` and the angle y (N,) in degrees.
     """
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):

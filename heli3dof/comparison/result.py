@@ -99,7 +99,7 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return sentences on replays, models and metrics that could not be computed."""
+        """Return sentences that state which replays or predictions are missing, and why."""
         sentences = []
         for f in self.flights:
             if f.why is not None:

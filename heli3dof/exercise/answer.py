@@ -117,12 +117,13 @@ def make_answer(
     own: Sequence[Claim] = (),
     diagnoses: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Answer:
-    """Return a student's answer: the claims ``own``, or without any, those of ``diagnoses``.
+    """Return a student's answer with the claims ``own``, or if there are none, of ``diagnoses``.
 
     ``name`` is the student's name. ``diagnoses``: file name → content of ``diagnose --json``. Of
-    several claims for the same effect, the first is kept. The error on held-out data is that in the
-    first document. Raises UsageError if a diagnosis used recordings of another rig, RecordingError
-    for an incomplete document.
+    several claims for the same effect, the first is kept. The claim `NONE` (no hidden effect) is
+    kept only if it is the only one. The answer's model error on held-out data is that of the first
+    diagnosis. Raises UsageError if a diagnosis used recordings of another rig, RecordingError for
+    an incomplete document.
     """
     claims: list[Claim] = []
     flown_on: list[str | None] = []
@@ -160,8 +161,8 @@ def make_answer(
 def claims_of(document: Mapping[str, Any]) -> list[Claim]:
     """Return the claims of a diagnosis document: its ``findings`` and its unmodelled torques.
 
-    The key ``leftover`` lists residual torques. One that depends on a measured variable is an
-    unmodelled torque. If there is no claim and the verdict is in `QUIET`, the function returns the
+    The key ``leftover`` lists residual torques. Those that depend on a measured variable count as
+    unmodelled torques. If there is no claim and the verdict is in `QUIET`, the function returns the
     claim `NONE`: no hidden effect.
     """
     claims = [_finding(f) for f in document["findings"]]

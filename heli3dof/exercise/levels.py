@@ -161,7 +161,11 @@ _EQUAL = {
 
 
 def right_names(cause: str) -> set[str]:
-    """Return the names of effects that are right answers for the hidden effect ``cause``."""
+    """Return the names that are right answers for the hidden effect ``cause``.
+
+    They are its own name, and that of an effect that moves the rig in the same way, if there is
+    one. For an effect outside the catalogue, the right answer is ``unmodelled.<axis>``.
+    """
     if cause.startswith("other."):
         axis = next(a for a in AXES if cause.startswith(f"other.{a}_"))
         return {f"{UNMODELLED}.{axis}"}

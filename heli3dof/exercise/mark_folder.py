@@ -29,7 +29,10 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the file's marks as a dict of JSON types; without marks, it has the same keys."""
+        """Return the file's marks as a dict of JSON types.
+
+        Without marks, the dict has the same keys, with None or empty lists as values.
+        """
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,

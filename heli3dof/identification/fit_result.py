@@ -77,7 +77,7 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 
 @dataclass(frozen=True, eq=False)
 class CandidateOrder:
-    """A fit of the order search: a black box of one order, fitted at one sampling interval.
+    """A candidate of the order search: a black box of one order, fitted at one sampling interval.
 
     The search compares the ``score``, which is the mean fit of the axes in %. ``bic`` is the
     Bayesian information criterion.

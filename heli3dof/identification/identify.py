@@ -176,7 +176,10 @@ def recording_warnings(prepared: Prepared) -> list[str]:
 
 
 def extrapolation_warnings(prepared: Prepared) -> list[str]:
-    """Return a warning for each axis that moves much more in held-out than in training data."""
+    """Return a warning for each axis that moves much more in held-out than in training data.
+
+    That is, the ratio of the rms motions exceeds `EXTRAPOLATION`.
+    """
     if not prepared.held_out:
         return []
     fitted, tested = (rms_motion_deg(prepared, x) for x in (prepared.train, prepared.held_out))

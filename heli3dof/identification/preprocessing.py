@@ -58,8 +58,8 @@ class Clock:
 class RecordingReport:
     """Sampling statistics of one recording, and the shares of usable and of left-out rows.
 
-    ``clipped_share`` is the share of rows that are usable with a voltage at the amplifier's limit.
-    ``segments`` is the number of runs of usable rows.
+    ``clipped_share`` is the share of rows that are usable and have a voltage at the amplifier's
+    limit. ``segments`` is the number of runs of usable rows.
     """
 
     name: str

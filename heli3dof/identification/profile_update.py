@@ -176,7 +176,7 @@ def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change
 
 
 def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return key of the profile → measured value, of motor.K_f, motor.V_o and the inertias.
+    """Return {key of the profile: measured value} for motor.K_f, motor.V_o and the inertias.
 
     ``base``: name in `BASE` → measured value. If it is empty, so is the result.
     """
@@ -197,11 +197,11 @@ def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Me
 
 
 def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return ratios in which the error of thrust gain K_f cancels: V_o in V, K_f/J in N/(V·kg·m²).
+    """Return the operating voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
-    V_o = T_g/(2 L_a K_f) is the operating voltage, L_a the arm length. The ratios are more accurate
-    than the trim torque T_g and the inertias J, which contain the error of K_f. Flights do not
-    identify K_f.
+    V_o = T_g/(2 L_a K_f), with the arm length L_a. Flights do not identify the thrust gain K_f, so
+    the trim torque T_g and the inertias J contain its error. In V_o and K_f/J it cancels. The
+    result is empty if ``base`` (name in `BASE` → measured value) is empty.
     """
     if not base:
         return {}

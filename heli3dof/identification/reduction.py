@@ -14,8 +14,9 @@ that is, if the recordings do not distinguish H from G. If the covariance of G i
 * a pole and a zero cancel,
 * a factor whose coefficients are zero within two standard deviations moves to the origin.
 
-After each simplification the gain k is fitted again. If several simplifications are possible, the
-one whose H is nearest to G is applied. `heli3dof.identification.factored_transfer_function` defines
+After each simplification the gain k is fitted again. Factors move to the origin only after no other
+simplification is possible. If several simplifications are possible, the one whose H is nearest to G
+is applied. `heli3dof.identification.factored_transfer_function` defines
 k and the factors with the coefficients a, b, c.
 
 The standard deviations of the coefficients φ = (k, a, b, c) follow from the covariance P of the
@@ -159,7 +160,8 @@ class _Channel:
     def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
         """Return H with its gain fitted to the response G, and the largest |H − G|/``limit``.
 
-        The gain is fitted by least squares with the weights 1/``limit``².
+        The largest value is that over all frequencies; above 1, H differs significantly from G. The
+        gain is fitted by least squares with the weights 1/``limit``².
         """
         shape = replace(H, gain=1.0).at(self.s, self._values)
         w = 1 / self.limit**2
@@ -170,9 +172,9 @@ class _Channel:
     def nearest(
         self, candidates: Iterator[FactoredTransferFunction]
     ) -> FactoredTransferFunction | None:
-        """Return the accepted candidate nearest to the fitted response G, with its gain refitted.
+        """Return the candidate nearest to the fitted response G, with its gain refitted.
 
-        The result is None if no candidate is accepted.
+        The result is None if every candidate differs significantly from G (by more than ``limit``).
         """
         best, least = None, 1.0
         for H, deviation in map(self.refitted, candidates):
@@ -213,9 +215,9 @@ class _Channel:
 
 
 def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
-    """Return H with the standard deviations of ``poles`` in its denominator's factors.
+    """Return H with the standard deviations of its denominator's factors from those of ``poles``.
 
-    They are smaller than those from H alone, because the poles are common to all transfer
+    These are smaller than those from H alone, because the poles are common to all transfer
     functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β is taken as
     zero.
     """

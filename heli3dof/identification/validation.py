@@ -58,9 +58,10 @@ class Metrics:
     """Why there is no replay; empty where there is one."""
 
     def to_json(self) -> dict[str, Any]:
-        """Return fit (%) and RMSE (degrees) by axis; unavailable scores are NaN.
+        """Return ``fit_percent`` and ``rmse_deg`` by axis, and why there is no replay, if so.
 
-        Each axis has the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``.
+        Each axis has the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable
+        scores are NaN.
         """
         named = {("one_step" if h == 0 else f"{h:g}_s"): s for h, s in self.prediction.items()}
         fit = {

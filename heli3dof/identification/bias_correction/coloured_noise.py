@@ -12,9 +12,9 @@ that of the prior. Coloured noise multiplies the variance of parameter j by
 
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
-S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds the quantile of
-χ²_ν/ν that white noise exceeds with the probability `CHANCE`. The diagnosis divides the squared
-score Z² of a cause by this ρ (`heli3dof.diagnosis.conclusion.adoption`).
+S has about ν = 3 m/(2 (L + 1)) degrees of freedom. White noise may explain a ρ up to the
+1 − `CHANCE` quantile of χ²_ν/ν, so such a ρ is set to 1. The diagnosis divides the squared score Z²
+of a cause by this ρ (`heli3dof.diagnosis.conclusion.adoption`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
     """Return ρ (n,), the factors by which coloured noise increases the parameters' variances.
 
     ``scatter`` (n, n) is C, the covariance of the simulated flights' scores. If the recordings have
-    fewer than 2 (L + 1) blocks, L = `MEMORY_S` / `BLOCK_S`, all factors are 1.
+    fewer than 2 (L + 1) blocks of `BLOCK_S`, with L = `MEMORY_S` / `BLOCK_S`, all factors are 1.
     """
     n = len(fit.optimum.theta)
     scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)

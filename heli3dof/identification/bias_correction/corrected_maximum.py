@@ -36,7 +36,7 @@ CHECKED_GAIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ScoreBias:
-    """The mean score of simulated flights, and the parameters and noise of these flights."""
+    """The log-likelihood's mean derivatives over simulated flights, and the flights' parameters."""
 
     theta: np.ndarray
     """(n,) mean derivatives ḡ by θ and b by φ"""
@@ -50,7 +50,8 @@ class ScoreBias:
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
         """Return the term to subtract from the log-likelihood at ``theta`` (n,), ``noise`` (4,).
 
-        It is the mean score times the change from the parameters and noise of the flights.
+        The term is linear: the mean derivatives in simulated flights, times the differences of the
+        parameters and the log noise from the values of these flights.
         """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
@@ -60,11 +61,12 @@ def maximise_corrected(
     problem: Likelihood, start: np.ndarray, noise: np.ndarray, bias: ScoreBias | None, *,
     rounds: int = ROUNDS, hold_noise: bool = False, hold: np.ndarray | None = None,
 ) -> Optimum:  # fmt: skip
-    """Return the maximum of the bias-corrected log-likelihood plus the log prior.
+    """Return the parameters and noise that maximise the bias-corrected log-likelihood plus prior.
 
     The search starts at the scaled parameters ``start`` (n,) and the ``noise`` (4,): process noise
-    of three axes, jitter. It does not change the parameters marked in ``hold`` (n,) bool, and with
-    ``hold_noise`` not the noise. Without ``bias``, the log-likelihood is not corrected.
+    of three axes, jitter. The jitter is not changed. ``hold`` (n,) bool marks parameters that keep
+    their start values. With ``hold_noise``, the noise keeps its start values. ``rounds``: largest
+    number of steps. Without ``bias``, the log-likelihood is not corrected.
     """
     if bias is None:
         bias = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)

@@ -80,7 +80,7 @@ class CorrectedFit(Estimate):
 
     @property
     def score_bias(self) -> np.ndarray:
-        """Return ḡ (n,)."""
+        """Return ḡ (n,), the mean score of simulated flights; zero if none were simulated."""
         return super().score_bias if self.bias is None else self.bias
 
     @cached_property
@@ -123,9 +123,9 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model with scaled parameters ``theta`` (n,), ``noise`` (4,), covariance NaN.
+    """Return the model with the scaled parameters ``theta`` (n,) and the ``noise`` (4,).
 
-    ``noise``: process noise of three axes, jitter.
+    ``noise``: process noise of three axes, jitter. The covariance of the model's parameters is NaN.
     """
     n = len(theta)
     return GreyBoxModel(
@@ -137,9 +137,10 @@ def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyB
 def simulate_again(
     model: GreyBoxModel, recordings: Sequence[Recording], data: Data, seed: Sequence[int]
 ) -> Data:
-    """Return ``data`` with flights of ``model``, simulated again, in place of the recordings.
+    """Return ``data`` with simulated flights of ``model`` in place of the recorded flights.
 
-    Equal ``seed`` gives equal noise.
+    The simulated flights have the references and controllers of ``recordings``. Equal ``seed``
+    gives equal noise.
     """
     last_rows = [
         max((r.stop for r in data.runs if r.source == i), default=0) for i in range(len(recordings))
@@ -267,9 +268,9 @@ def corrected_from(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """Derivatives of the log-likelihood by ln a, the log process noise of each axis.
+    """Mean derivatives of the log-likelihood by ln a, the log process noise of each axis.
 
-    They are means over flights that are simulated with the parameters ``theta`` and the ``noise``.
+    The means are over flights simulated with the parameters ``theta`` and the ``noise``.
     """
 
     slope: np.ndarray
@@ -286,7 +287,8 @@ class NoiseScoreBias:
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
         """Return True if the derivatives must be computed again for ``theta`` and ``noise``.
 
-        They are valid up to the distances `REUSED_WITHIN` from the values of the simulated flights.
+        They are valid near the values of the simulated flights: `REUSED_WITHIN` limits the
+        differences in ln a and, in standard deviations, in ``theta``.
         """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
@@ -321,7 +323,7 @@ class AndersonAcceleration:
         self.f: list[np.ndarray] = []
 
     def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return the accelerated step from ``y``; ``f`` is the plain iteration's step f(y)."""
+        """Return the step from ``y`` by Anderson acceleration; ``f`` is f(y), the plain step."""
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]
@@ -338,8 +340,8 @@ def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """Return C (n, n), a shrinkage estimate of the scores' covariance from few flights.
 
     ``g`` (B, n): scores of B flights; ``H`` (n, n): the information. C has the correlations of H,
-    and the variances r_j H_jj. Let q_j be the variance of score j, divided by H_jj. r_j is the mean
-    of q_j and the average of all q, but at least 1 (the value for an exact likelihood).
+    and the variances r_j H_jj. Let q_j be the variance of score j, divided by H_jj. r_j is halfway
+    between q_j and the average of all q, but at least 1 (the value for an exact likelihood).
     """
     ratio = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     ratio = np.maximum(np.sqrt(0.5 * ratio**2 + 0.5 * np.mean(ratio**2)), 1.0)

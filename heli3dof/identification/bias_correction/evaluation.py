@@ -56,7 +56,10 @@ class Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Derivatives):
-    """The derivatives, and the filter run (E readings, much memory) that they are computed from."""
+    """The log-likelihood's derivatives, with the arrays that they are computed from.
+
+    These arrays are large. They describe the filter's run over E encoder readings.
+    """
 
     at: FilterRun
     path: Path
@@ -79,8 +82,8 @@ def evaluate(
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
     ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter. Without
-    ``with_noise_derivatives``, those by the noise are not computed, but set to 0 (first
-    derivatives) and −1 (second derivatives).
+    ``with_noise_derivatives``, the derivatives by the noise are not computed. Their fields are then
+    0 (first derivatives) and −1 (second derivatives).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
@@ -116,8 +119,9 @@ def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     """Return the derivatives ∂c/∂θ (n, E) of the filter's E predicted readings c.
 
     They are computed at the scaled parameters ``theta`` (n,) along the filter's states ``p``, by
-    `bias_correction.perturbation`. For parameters that change the encoder readings, and where the
-    perturbation diverges (negative dry friction), `Likelihood.tangents` simulates them instead.
+    `bias_correction.perturbation`. `Likelihood.tangents` computes two kinds of rows by simulation
+    instead: of parameters that change the encoder readings, and those for which the perturbation
+    diverges (negative dry friction).
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

@@ -2,19 +2,21 @@
 
 A change of the model adds δa (rad/s²) to the accelerations. At each of E *events*, the extended
 Kalman filter (`heli3dof.model.estimation.ekf_quantised`) reads an encoder and updates its state
-x = (q, q̇), in rad and rad/s. Its gains K (E, 6) are held fixed. x and the prediction c of each
-reading change by
+x = (q, q̇), in rad and rad/s. x and the prediction c of each reading change by
 
     δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from a row to the next, h (s) later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
 
-x_c is the component of x that the event reads, σ = ∂c/∂x_c, and w is the event's information.
+x_c is the component of x that the event reads, σ = ∂c/∂x_c, and w = −∂² ln Z/∂c² is the reading's
+information, with its likelihood Z. K (E, 6) is the covariance of x and c before the event. K w, the
+Kalman gain, is held fixed.
 
 - `forcing`: computes δa, constant within chunks of `CHUNK_S`, from a change of parameters or
   effects
 - `forward`: computes δc (E,) from δa
-- `backward`, the adjoint: computes L_b (3,) of each chunk b from weights q_e of the events. With
-  one pass, the weighted sum is then known for all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
+- `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of the weighted sum
+  Σ_e q_e δc_e by the change δa_b in each chunk b. So one pass suffices for all changes:
+  Σ_e q_e δc_e = Σ_b L_b · δa_b
 - `misreading`: computes the change δm (rad) of the encoder reading at an unchanged angle. It adds
   δm to δc at the angle's events, and changes the initial angles by −δm/σ.
 """
@@ -39,7 +41,7 @@ MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The filter's states in the middles of C chunks of rows, and the accelerations there."""
+    """The filter's states and the model's accelerations in C chunks of successive data rows."""
 
     data: Data
     at: FilterRun
@@ -69,7 +71,7 @@ class Path:
 
 
 def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) -> Path:
-    """Return the states of the filter run ``at`` and the accelerations, in chunks of `CHUNK_S`.
+    """Return states and accelerations of the filter run ``at``, in chunks of `CHUNK_S` seconds.
 
     ``at`` must contain the run's states (``keep`` = 2). ``values``: the model's parameters.
     """
@@ -104,7 +106,7 @@ def forcing(
 
     ``sets`` are the parameter values of the J models. The changes are relative to the model of
     ``p``. ``wide``: the structure of the J models, which may have more effects than that of ``p``.
-    ``moves`` (J,): True if a model has other thrusts.
+    ``moves`` (J,): True for a model whose thrusts differ from those of ``p``.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -125,7 +127,8 @@ def misreading(
 
     ``sets`` are J + 1 sets of parameter values; the changes are relative to the first set.
     ``wide``: the structure of these models, which may have more effects than that of ``p``. Returns
-    the changes (J, E) at the filter's E events, and (J, B, 3) at the start of each of B blocks.
+    the changes (J, E) at the filter's E events, and (J, B, 3) at the starts of the data's B blocks.
+    A block is a run of rows that the filter processes without interruption.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -146,7 +149,8 @@ def forward(
     """Return δc (J, E): how J changes of the model change the filter's E predicted readings.
 
     ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks. ``m`` (J, E) and ``m0``
-    (J, B, 3): changes of the readings (rad) at unchanged angles, as `misreading` returns them.
+    (J, B, 3): changes of the readings (rad) at unchanged angles, at the events and at the starts of
+    the data's B blocks, as `misreading` returns them. None: no such changes.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -160,9 +164,9 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
 
-    ``q`` (M, E): M sets of weights of the E readings. The three results are the derivatives by the
-    changes of the accelerations in C chunks (M, C, 3), of the readings (M, E), and of the initial
-    states of B blocks (M, B, 6).
+    ``q`` (M, E): M sets of weights q_e of the E readings. The results are three derivatives:
+    (M, C, 3) by changes of the accelerations in C chunks, (M, E) by changes of the readings at
+    unchanged angles, and (M, B, 6) by changes of the initial states of the data's B blocks.
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)
@@ -177,7 +181,7 @@ def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def project_out(
     D: np.ndarray, tangents: np.ndarray, A: np.ndarray, w: np.ndarray | float = 1.0
 ) -> np.ndarray:
-    """Return D̃, shape as D: the changes D without the part that fitted parameters can explain.
+    """Return D̃, in the shape of D: D without the part that the fitted parameters can explain.
 
         D̃ = D − Xᵀ A⁻¹ T,        D w D̃ᵀ = D w Dᵀ − Xᵀ A⁻¹ X,        X = T w Dᵀ
 

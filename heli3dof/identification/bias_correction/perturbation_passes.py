@@ -1,8 +1,9 @@
 """The compiled loops of `bias_correction.perturbation`, which explains the equations and symbols.
 
 A, X and ``chunk`` are as in `Path`; h (N,) s are the steps between rows. The E events have the rows
-``row`` (E,), the information W (E,) and the filter gains K (E, 6). ``state`` (E,) states what the
-filter reads at an event: 0–2 an angle, 3–5 a rate, 6–8 a negative rate.
+``row`` (E,), the information W (E,) and the filter's covariances K (E, 6) of state and reading.
+``state`` (E,) states what the filter reads at an event: 0–2 an angle, 3–5 a rate, 6–8 a negative
+rate.
 """
 
 from __future__ import annotations

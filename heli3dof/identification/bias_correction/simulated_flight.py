@@ -30,8 +30,8 @@ def simulated_flight(
     """Return the first ``rows`` rows of the recording, simulated with noise from ``rng``.
 
     ``rows`` = None: all rows. The angles are quantised: they differ from the first recorded ones by
-    whole encoder steps. Raises ValueError if the recording's controller is unknown, or if it lacks
-    an angle.
+    whole encoder steps. Raises ValueError if the recording lacks an angle or its controller is
+    unknown.
     """
     profile = recording.profile
     controller = recording.controller

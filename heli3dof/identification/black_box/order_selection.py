@@ -10,8 +10,8 @@ flights, of
 
 None of the methods minimises these two errors, so a larger order does not score better merely
 because it has more parameters. The replay rejects models that are good one step ahead and diverge
-in closed loop; the prediction rejects poor noise models. The smallest order within `TIE` of the
-best score is chosen.
+in closed loop; the prediction rejects poor noise models. The search chooses the smallest order
+whose score is at most `SCORE_TOLERANCE` percentage points below the best.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ INTERVALS_S = (0.04, 0.08)
 ORDERS = (6, 7, 8, 9, 10)
 PAST_S = 0.5
 """s: the VARX (vector autoregression with inputs) regresses on the samples of this past time."""
-TIE = 0.2
+SCORE_TOLERANCE = 0.2
 """Percentage points: the smallest order whose score is this close to the best is chosen."""
 MEMORY_S = 2.0
 """s: longest time constant of a predictor in the method ``pem``. Without this limit, it would grow
@@ -89,11 +89,11 @@ def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -
 
 
 def past_window(d: Decimated, largest_order: int) -> int:
-    """Return the order of the VARX that is fitted to data d: the number of samples in `PAST_S`.
+    """Return the order of the VARX (vector autoregression with inputs) that is fitted to data d.
 
-    The VARX is a vector autoregression with inputs. Its order is at least ⌈largest_order/3⌉ + 2,
-    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows
-    (or 2, if this is larger).
+    The order is the number of samples in `PAST_S`. If this is too small for a model with
+    ``largest_order`` states, the order is ⌈largest_order/3⌉ + 2. With few rows, the order is
+    limited to a 30th of their number, but not below 2.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -115,7 +115,7 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """Return the fit of ``method`` to the data d, which starts from the model ``start``.
+    """Return the fit of ``method`` to the data d, with the initial model ``start``.
 
     ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid`` (no further fit).
     The result contains the model called ``name``, resampled to dt (s). Raises NoContinuousModel if
@@ -208,7 +208,7 @@ def search(
             fix="heli3dof run multisine for 60 s or more, or a lower --order",
         )
     best = max(c.score for c, _ in usable)
-    near = [(c, f) for c, f in usable if c.score >= best - TIE]
+    near = [(c, f) for c, f in usable if c.score >= best - SCORE_TOLERANCE]
     _, chosen = min(near, key=lambda cf: (cf[0].order, -cf[0].score))
     return chosen, [c for c, _ in tried]
 

@@ -229,8 +229,8 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
     """Return the information (q, q) and gradient (q,) of the criterion at the model ``point``.
 
     The q = p + l parameters are steps along the p columns of T (from `_tangent`), and the offset d.
-    Initial states are eliminated. The third result is the sum of `_score_blocks` over the segments
-    with ``scores``, else 0.
+    Initial states are eliminated. With ``scores``, there is a third result (q, q): the sum of
+    `_score_blocks` over the segments.
     """
     n, l = point.W.shape[0], point.C.shape[0]
     p = T.shape[1]
@@ -271,11 +271,12 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
 
 
 def _score_blocks(F: np.ndarray, back: np.ndarray, n: int) -> np.ndarray:
-    """Return Σ s sᵀ, s the sum of the likelihood's gradient over `BLOCK` rows.
+    """Return Σ s sᵀ (q, q), a sum over blocks of `BLOCK` rows.
 
-    Sums over blocks allow for coloured innovations. F (N, l, n + q + 1): the derivatives of N rows
-    of l predicted outputs by n initial states and q parameters, and the innovation. ``back``
-    (n, q + 1): coefficients by which least squares eliminates the initial states.
+    s (q,) is the gradient of the log-likelihood, summed over a block. Blocks allow for coloured
+    innovations. F (N, l, n + q + 1) contains, for N rows of l outputs, the prediction's derivatives
+    by n initial states and q parameters, then the innovation. ``back`` (n, q + 1): coefficients by
+    which least squares eliminates the initial states.
     """
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])

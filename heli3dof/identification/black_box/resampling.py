@@ -104,10 +104,12 @@ def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
 def trims(
     model: StateSpace, u_mean: np.ndarray, y_mean: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the trims (u0, y0) that are equivalent to the model's offset d about the data's means.
+    """Return trims u0 (2,) V and y0 (3,) rad that replace the model's constant output offset d.
 
-    The means are u_mean (2,) V, y_mean (3,) rad; u0, y0 have the same shapes and units. δ is the
-    change from the means. With G = (I − Ã)⁻¹, Ã = A − K C:  [I − C G K] δy0 − C G B δu0 = d.
+    The model describes deviations from the data's means, u_mean (2,) V and y_mean (3,) rad. The
+    trims differ from these means by δu0 and δy0. They are the solution of
+    [I − C G K] δy0 − C G B δu0 = d, G = (I − Ã)⁻¹, Ã = A − K C, with the least
+    ‖δy0‖² + ‖δu0/20‖².
     """
     n, l = model.order, len(model.C)
     CG = model.C @ np.linalg.pinv(np.eye(n) - model.At)

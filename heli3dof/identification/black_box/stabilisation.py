@@ -31,11 +31,12 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 
 
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """Return the model, with a Kalman gain K if the spectral radius of A − K C exceeds ``rho``.
+    """Return the model with the spectral radius of A − K C at most ``rho``.
 
-    The Kalman gain assumes the process noise K S Kᵀ + c I, where S is the innovations' covariance.
-    c is the first of 1e-6, 1e-4, …, 1e4 times the trace of K S Kᵀ that gives a stable predictor. If
-    none does, the result is that of `stable_plant`.
+    If the radius exceeds ``rho``, K is replaced by a Kalman gain. It assumes the process noise
+    K S Kᵀ + c I, where S is the innovations' covariance. c is the first of 1e-6, 1e-4, …, 1e4 times
+    the trace of K S Kᵀ that gives a stable predictor. If none does, the result is that of
+    `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model
@@ -49,7 +50,10 @@ def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
 
 
 def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """Return the model with K = 0 and the poles of A moved inside the circle of radius ``rho``."""
+    """Return the model with K = 0 and no pole of A outside the circle of radius ``rho``.
+
+    Poles outside the circle are moved onto it in the direction of 0.
+    """
     lam, V = np.linalg.eig(model.A)
     size = np.maximum(np.abs(lam), 1e-300)
     # Slightly inside the circle, so that rounding cannot move a pole outside.

@@ -41,7 +41,10 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 
 
 def continuous_pole(lam: complex, T: float) -> complex:
-    """Return log(λ)/T (rad/s) of a discrete-time pole λ; log|λ|/T of a real λ, which may be ≤ 0."""
+    """Return the continuous-time pole log(λ)/T (rad/s), or log|λ|/T if λ is real.
+
+    λ = ``lam`` is the discrete-time pole, T (s) the sampling interval.
+    """
     real = abs(lam.imag) <= 1e-9 * max(1, abs(lam))
     return complex(np.log(max(abs(lam), 1e-300) if real else lam)) / T
 
@@ -89,7 +92,7 @@ def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
 
 
 def in_continuous_time(model: StateSpace, T: float) -> Continuous:
-    """Return a model whose sampling interval is T (s), in continuous time."""
+    """Return the continuous-time form of a discrete-time model with the sampling interval T (s)."""
     A, B = continuous(model, T)
     return Continuous(A, B, model.C, np.zeros((len(model.C), B.shape[1])), "hold")
 

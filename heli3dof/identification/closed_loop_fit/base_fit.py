@@ -4,12 +4,12 @@ If the controller is known, the fit is bias-corrected (`bias_correction.correcti
 uses this fit, too, on extreme limit cycles. There are two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
-  rig. So the search starts at the noise with which simulated flights have the recorded limit cycle
-  (`closed_loop_fit.limit_cycle`). If the search diverges, it is repeated from the likelihood's
-  maximum. A second fit also matches how often the encoder counts change
-  (`closed_loop_fit.edge_rates`).
-- Implausible inertia: the fit is repeated with a narrow prior of the inertias
-  (`with_plausible_inertias`). The later fits of a diagnosis follow the same rule.
+  rig. So the bias correction starts at the noise with which simulated flights have the recorded
+  limit cycle (`closed_loop_fit.limit_cycle`). If it diverges from there, it starts again at the
+  maximum of the uncorrected likelihood. If it succeeds, a further fit also matches how often the
+  encoder counts change (`closed_loop_fit.edge_rates`).
+- Implausible inertia (`implausible_inertias`): the fit is repeated with a narrow prior of the
+  inertias (`with_plausible_inertias`). The later fits of a diagnosis follow the same rule.
 """
 
 from __future__ import annotations
@@ -92,10 +92,11 @@ def fit_base(setup: Setup) -> CorrectedFit:
 def with_plausible_inertias(
     problem: Likelihood, fit: Callable[[Likelihood], CorrectedFit]
 ) -> CorrectedFit:
-    """Return ``fit(problem)``; if an inertia is implausible, the fit with a narrow prior instead.
+    """Return ``fit(problem)``, repeated with a narrow prior if an inertia is implausible.
 
-    The mean of the narrow prior is the profile's inertias times `thrust_ratio`. ``fit``: function
-    that fits the parameters of a likelihood.
+    ``fit`` fits the parameters of a likelihood. The mean of the narrow prior is the profile's
+    inertias times `thrust_ratio`. A ``problem`` without the prior of `ProfileLikelihood` is fitted
+    only once.
     """
     if not isinstance(problem, ProfileLikelihood):
         return fit(problem)
@@ -109,12 +110,13 @@ def with_plausible_inertias(
 
 
 def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
-    """Return the ratio to nominal that trim torque and inertias have if the thrust gain is wrong.
+    """Return the factor by which a wrong thrust gain multiplies trim torque and inertias in a fit.
 
-    A wrong thrust gain multiplies the trim torque and the three inertias by the same ratio. The
-    result is the median of the fitted ratios, without those of the ``implausible`` inertias. It is
-    1 if the trim torque is within the profile's tolerance, or wrong by more than a factor of
-    `MAX_INERTIA_RATIO`.
+    It is estimated by the median of their ratios to the profile's values, without the inertias of
+    the axes ``implausible``. It is 1, with the thrust gain taken as right, in two cases:
+
+    - The trim torque is within the profile's tolerance.
+    - The trim torque is wrong by a factor of more than `MAX_INERTIA_RATIO`.
     """
     profile, (trim, *inertias) = fit.structure.profile, fit.values[:4]
     ratio = trim / profile.trim_torque if profile.trim_torque else 1.0
@@ -127,10 +129,10 @@ def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
-    """Return the measured axes whose inertia differs from nominal by over `MAX_INERTIA_RATIO`.
+    """Return the names of the measured axes whose fitted inertia is implausible.
 
-    `MAX_INERTIA_RATIO` is a factor. On an axis that hardly moves, a wrong inertia may hide a
-    missing effect from the score test.
+    Such an inertia differs from the nominal one by a factor of more than `MAX_INERTIA_RATIO`. On an
+    axis that hardly moves, it may hide a missing effect from the score test.
     """
     log_ratio = np.abs(fit.theta[1:4] - fit.problem.prior_mean[1:4])
     far = fit.problem.data.axes & (log_ratio > np.log(MAX_INERTIA_RATIO))
@@ -163,9 +165,10 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
 
 
 def start_scales(plain: Estimate) -> list[float]:
-    """Return the ratios of the inertias to nominal at which searches on a limit cycle start.
+    """Return the ratios of the inertias to nominal from which fits on a limit cycle start.
 
-    They are 1 and, if it differs, the trim torque's ratio in the fit ``plain`` (`thrust_ratio`).
+    They are 1 and, if it differs from 1, the ratio of the trim torque to nominal in the fit
+    ``plain`` (`thrust_ratio`).
     """
     ratio = thrust_ratio(plain, AXES)
     return [1.0] if ratio == 1.0 else [1.0, ratio]
@@ -176,7 +179,8 @@ def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, sca
 
     The parameters are those of the fit ``plain``, but with the profile's inertias times ``scale``.
     The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). With this noise,
-    simulated flights have the recorded limit cycle. ``cycling`` (3,) bool: the axes on one.
+    simulated flights have the recorded limit cycle. ``cycling`` (3,) bool: the axes that are on a
+    limit cycle.
     """
     theta, noise = plain.theta.copy(), plain.optimum.noise
     theta[1:4] = plain.problem.prior_mean[1:4] + np.log(scale)

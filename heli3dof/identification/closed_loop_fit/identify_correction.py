@@ -42,10 +42,10 @@ flights, the standard error of their mean score is 1/√8 of one score's standar
 def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     """Return the bias-corrected fit, or ``found`` if no correction is needed or possible.
 
-    ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs a
-    known controller (`model.control.voltage_replay`), all angles and a reference in each of them.
-    The result is ``found``, too, if the search diverges: the controller may not stabilise the
-    fitted rig.
+    ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs,
+    in every recording, a known controller (`model.control.voltage_replay`), all angles and their
+    references. The result is also ``found`` if the correction diverges, because the controller may
+    not stabilise the fitted rig.
     """
     if found.inflation <= MAX_INFLATION:
         return found
@@ -69,11 +69,11 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
-    """Return a fit of the model of ``found``, with the base simulation's noise on limit cycles.
+    """Return a fit of the model of ``found`` with other process noise on axes on a limit cycle.
 
-    `fit_base` fits the base simulation, to which a diagnosis adds effects. The axes on a limit
-    cycle keep its process noise. The search starts at its gravity torque and inertias, and at the
-    prior means of the other parameters. The bias is not corrected.
+    On these axes, the noise is fixed to that of the base simulation (`fit_base`), to which a
+    diagnosis adds effects. The search starts at the gravity torque and inertias of the base
+    simulation, and at the prior means of the other parameters. The bias is not corrected.
     """
     base = fit_base(setup)
     problem = replace(found.problem, known_noise=base.problem.known_noise)

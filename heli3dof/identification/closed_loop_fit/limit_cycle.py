@@ -91,11 +91,12 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return the process noise ``noise`` (4,), estimated again on the ``axes`` on a limit cycle.
+    """Return ``noise`` (4,) with new process noise on the ``axes`` that are on a limit cycle.
 
-    The noise of each of these axes is multiplied by the factor in `NOISE_STEPS` with which the
-    `limit_cycle_statistics` of simulated flights are nearest to those of the recordings. ``theta``
-    (n,): scaled parameters of the flights; ``axes``: (3,) bool.
+    ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). On each of these
+    axes, the new noise is the old one times a factor from `NOISE_STEPS`. With the chosen factor,
+    the `limit_cycle_statistics` of simulated flights are nearest to those of the recordings.
+    ``theta`` (n,): scaled parameters of the flights; ``axes``: (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

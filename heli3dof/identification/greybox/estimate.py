@@ -2,8 +2,8 @@
 
 The noise model gives the information matrix H = Σ w ∂c ∂cᵀ over the readings. ∂c is the gradient of
 a predicted reading with respect to the parameters, and w the Fisher information of that reading. Λ
-is the prior's precision. The scores s are the log-likelihood's gradients; their actual scatter
-follows from their sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m
+is the prior's precision. The score is the log-likelihood's gradient. Let s_b be its sum over block
+b of half a second. The actual scatter of the scores is B = Σ_b s_b s_bᵀ. With n parameters and m
 blocks
 
     κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
@@ -163,10 +163,10 @@ def _likeliest_start(
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
     Some effects, such as ``encoder.backlash``, have a likelihood with zero slope at the nominal
-    value, and possibly several maxima. Such an effect lists start values in ``starts``. Its first
-    parameter gets the likeliest of these values and the one in ``theta``; the other parameters are
-    those in ``theta``. The noise, re-estimated at these values, is process noise on roll, pitch,
-    yaw (rad/s²/√Hz) and jitter (s).
+    value, and possibly several maxima. Such an effect lists start values in ``starts``. For its
+    first parameter, these values and the one in ``theta`` are tried; the likeliest is returned. The
+    other parameters are those in ``theta``. The noise, re-estimated at these parameters, is process
+    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()
@@ -208,7 +208,8 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 def block_numbers(data: Data, block_s: float) -> np.ndarray:
     """Return each row's block number (N,).
 
-    A block lasts ``block_s`` s; the last one of a run may be shorter.
+    A block lasts ``block_s`` s. Blocks end at gaps between the row ranges of ``data``, so the last
+    block before a gap may be shorter.
     """
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0

@@ -141,9 +141,10 @@ def fit_freeflight(
 
 
 def flights_to_fit(recordings: Sequence[Recording]) -> list[tuple[Recording, Flight]]:
-    """Return (recording, its `Flight`) of those with at least `LEAST_STARTS` prediction windows.
+    """Return the recordings that are long enough for a fit, each with its `Flight`.
 
-    The result is empty if they have fewer than `LEAST_WINDOWS` windows in total.
+    Each has at least `LEAST_STARTS` prediction windows. The result is empty if these recordings
+    have fewer than `LEAST_WINDOWS` windows in total.
     """
     parts = ((r, flight_of(r)) for r in recordings)
     flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
@@ -222,21 +223,25 @@ def free_rows(recording: Recording) -> np.ndarray:
 
 
 def _airborne(recording: Recording) -> list[RowRange]:
-    """Return the runs of rows for the Kalman filter: off the table, without gaps or NaN."""
+    """Return the row ranges that the Kalman filter can use: off the table, without gaps or NaN."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     return runs_of(ok, recording, 0, GAP * recording.dt, 3)
 
 
 def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recording:
-    """Return the recording up to the end of the last run whose recording index is ``source``."""
+    """Return the recording up to the end of its last training run, without the held-out rows.
+
+    ``runs`` are the training runs (row ranges) of all recordings, ``source`` is the index of this
+    recording.
+    """
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
 def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
     """Return the fitted model called ``name``, with names and digests of its recordings.
 
-    A parameter in `VARYING`, which differs by recording, gets its mean. When the model predicts a
-    recording, its filter estimates this parameter from the recording.
+    A parameter in `VARYING` has a value per recording; the model has the mean of these values. When
+    the model predicts a recording, its filter estimates this parameter again.
     """
     return GreyBoxModel(
         name=name,
@@ -257,7 +262,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 
 
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation, nominal value, any warning."""
+    """Return {name: parameter}: value, standard deviation, nominal value, warning or ``""``."""
     out = {}
     estimates = zip(found.structure.free, found.values, found.std, found.mostly_prior, strict=True)
     for f, v, s, vague in estimates:

@@ -90,7 +90,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """The result of a minimisation by `descend` or `follow_on`: the minimum ``z`` and its cost."""
+    """The result of `descend` or `follow_on`: the unknowns ``z`` at the minimum, and their cost."""
 
     z: np.ndarray
     cost: float
@@ -107,7 +107,7 @@ def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     progress: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
-    """Return the minimum of problem v's cost, searched from ``z``.
+    """Return the unknowns that minimise the cost of problem v, searched from ``z`` (dim,).
 
     The search ends when an iteration lowers the cost by less than ``settled``, or after ``rounds``
     iterations. After each iteration it calls ``progress(iteration, cost at the start, cost now)``.
@@ -140,12 +140,15 @@ def follow_on(
     v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
     share: float = 0.0, max_evaluations: int = MAX_EVALUATIONS, fresh: int = FRESH,
 ) -> Descent:  # fmt: skip
-    """Return the minimum of problem v's cost, searched from ``z`` with updated derivatives.
+    """Return the unknowns that minimise the cost of problem v, with updated derivatives ∂r/∂z.
 
-    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals; rows that are NaN,
-    or all if ``tangents`` is None, are first computed by differences. During the search, the
-    derivatives are recomputed at most ``fresh`` times. The search ends when the predicted decrease
-    of the cost is below ``settled`` or ``share`` · cost, or after ``max_evaluations``.
+    The search starts at ``z`` (dim,). ``tangents`` (dim, R) are the derivatives ∂r/∂z of a similar
+    problem's residuals. Rows that are NaN, or all if ``tangents`` is None, are first computed by
+    differences. During the search, the derivatives are recomputed at most ``fresh`` times. The
+    search ends in either case:
+
+    - The predicted decrease of the cost is below ``settled`` or ``share`` · cost.
+    - The residuals have been evaluated ``max_evaluations`` times.
     """
     r = v.residuals(z)
     here = start_cost = v.cost(r, z)

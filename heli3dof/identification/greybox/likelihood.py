@@ -131,9 +131,10 @@ class Likelihood:
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: True for rows of D (n, E) with values not finite or above `DIVERGED`.
+    """Return (n,) bool: the rows of D (n, E) with a value that is not finite or is too large.
 
-    D are the derivatives of E predicted readings with respect to n scaled parameters.
+    D are the derivatives of E predicted readings with respect to n scaled parameters. A value is
+    too large if its modulus exceeds `DIVERGED`.
     """
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 

@@ -61,7 +61,7 @@ PROBE = 0.5  # step of the log intensity
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The maximum of likelihood times prior; ``at`` is the filter's run at these parameters."""
+    """The parameters and noise that maximise likelihood times prior, and the filter's run there."""
 
     theta: np.ndarray
     """(n,) scaled parameters at the maximum"""
@@ -98,11 +98,12 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """Return the maximum of likelihood times prior, searched in at most ``rounds`` rounds.
+    """Return the parameters and noise that maximise likelihood times prior.
 
-    ``problem`` is the likelihood, a function of n scaled parameters. The search starts at the
-    scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial
-    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    ``problem`` is the likelihood, a function of n scaled parameters and the noise. The search
+    starts at the scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the
+    initial process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``rounds``: largest
+    number of iterations, each with a step of the parameters and, if needed, of the noise.
     """
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)

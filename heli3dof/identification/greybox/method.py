@@ -53,8 +53,9 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 
     ``prepared`` contains the recordings with all angles and their training runs,
     ``request.partial`` the recordings that lack an angle. ``request.terms`` names the effects to
-    fit. If the scores scatter too much and the controller is known, simulated flights correct the
-    bias of the fit (`closed_loop_fit.identify_correction`).
+    fit; None takes `DEFAULT_TERMS` and tests simplified equations (`greybox.structure_test`). If
+    the controller is known and the log-likelihood's gradients scatter more than the noise model
+    allows, simulated flights correct the bias of the fit (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -159,10 +160,10 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, any warning.
+    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, warning or ``""``.
 
-    For an absent effect, the standard deviation is at least the distance of the value from the null
-    value.
+    For an effect that is absent from the recordings, the standard deviation is at least the
+    distance of the value from the one without effect (0, for most parameters).
     """
     least = np.where(found.absent, found.values - [f.null for f in found.free], 0.0)
     std = np.maximum(found.std, least)

@@ -256,7 +256,8 @@ class MultiStepFit(PhysicalFit):
     def mostly_prior(self) -> np.ndarray:
         """Return (n,) bool: True if the recordings contain little information on the parameter.
 
-        That is, σ > `PRIOR_SHARE` σ_prior. For parameters that vary by recording, it is False.
+        That is, its standard deviation exceeds `PRIOR_SHARE` times that of the prior. For
+        parameters that vary by recording, the result is False.
         """
         own = np.isin(np.arange(self.problem.n), self.problem.own)
         return np.asarray((self.std > PRIOR_SHARE * self.prior_std) & ~own)

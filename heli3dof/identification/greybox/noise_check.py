@@ -64,12 +64,19 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return σ(`HORIZON_S`) (3,) in degrees: the RMSE expected if process noise is white."""
+        """Return the prediction RMSE (3,) in degrees that white process noise would cause.
+
+        The predictions are `HORIZON_S` ahead; ``noise`` is the intensity of the process noise.
+        """
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: axes whose process noise is too large for the prediction errors."""
+        """Return (3,) bool: the axes whose fitted process noise is too large to be noise.
+
+        The noise exceeds `TIMES` times that of known rigs, and the prediction errors that it
+        implies exceed `OVER` times the actual ones.
+        """
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
@@ -118,8 +125,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 def training_obstacle(prepared: Prepared) -> str:
     """Return why a maximum-likelihood fit to the training recordings is invalid, or ``""``.
 
-    The function tests the recordings for sampling jitter. If the controller of every recording is
-    unknown, it also tests the process noise (`likelihood_obstacle`).
+    The fit is invalid if all recordings have sampling jitter. If the controller of every recording
+    is unknown, the process noise is tested, too (`likelihood_obstacle`).
     """
     sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
     if any(r.profile.controller is not None for r in sources):
@@ -130,8 +137,8 @@ def training_obstacle(prepared: Prepared) -> str:
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Return why a maximum-likelihood fit to ``recordings`` is invalid, or ``""``.
 
-    The function is for recordings whose controller is unknown. It first tests for sampling jitter,
-    then the process noise (`noise_check`).
+    The controllers of the recordings must be unknown. The fit is invalid in two cases: all
+    recordings have sampling jitter, or the fitted process noise is too large (`noise_check`).
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK

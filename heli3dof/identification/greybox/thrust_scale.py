@@ -63,7 +63,11 @@ class ThrustScale:
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return True if the thrust gain's relative error significantly exceeds ``tolerance``."""
+        """Return True if the thrust gain deviates from the profile by more than ``tolerance``.
+
+        k is the ratio of the thrust gain to the profile's. ln k must be beyond the limit (`edge`)
+        by more than `SCALE_QUANTILE` standard deviations.
+        """
         ln_k = float(np.log(self.k))
         return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
 
@@ -111,7 +115,7 @@ def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
 
 
 def thrust_gain_warning(fit: PhysicalFit) -> tuple[str, ...]:
-    """Return a warning if the thrust gain deviates significantly from the profile's, else ()."""
+    """Return a warning if the thrust gain is outside the profile's tolerance, else ()."""
     profile, scale = fit.structure.profile, thrust_scale(fit)
     if not scale.is_off(profile.tolerance):
         return ()

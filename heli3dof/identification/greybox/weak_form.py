@@ -144,9 +144,10 @@ def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
 
 
 def span(free: np.ndarray, dt: float, width_s: float) -> Span:
-    """Return a test function of the length ``width_s`` (s), at positions with only free rows.
+    """Return a test function of the length ``width_s`` (s) and its positions in a flight.
 
-    ``free`` (N,) bool marks the free rows of the flight, ``dt`` (s) is its sample interval.
+    At each position, all rows are in prediction windows, which ``free`` (N,) bool marks. ``dt`` (s)
+    is the flight's sample interval.
     """
     n = round(width_s / dt)
     tau = np.linspace(-1, 1, n)
@@ -185,7 +186,10 @@ def residuals(
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return 1.48 × the median |e| of each axis (3,), from errors e (n, 3); zeros are ignored."""
+    """Return 1.48 × the median |e| of each axis (3,), from errors e (n, 3).
+
+    Zeros are ignored, because they are the errors of axes that were not measured.
+    """
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
     for i in range(3):  # errors are zero on an axis that was not measured
