@@ -80,6 +80,15 @@ def test_recordings_without_enough_windows_are_rejected() -> None:
         problem_of([fly(1022, until_s=40.0).recording.between(0, 4)], DEFAULT_TERMS)
 
 
+def test_the_model_lists_the_recordings_that_were_long_enough_to_fit() -> None:
+    whole = fly(1022, until_s=40.0).recording
+    long, short = whole.between(0.0, 20.0), whole.between(20.0, 24.1)
+    found = h3.identify([long, short], method="freeflight", terms=("encoder.offset.pitch",))
+    extra = found.model.to_dict()["extra"]
+    assert [r["sha256"] for r in extra["recordings"]] == [long.digest]
+    assert len(extra["by_recording"]["encoder.offset.pitch.angle_deg"]) == 1
+
+
 def test_a_real_take_off_is_usable_from_the_end_of_its_climb(real: Recording) -> None:
     rows = free_rows(real)
     assert real.t[np.flatnonzero(rows)[0]] == pytest.approx(1.35, abs=0.1)

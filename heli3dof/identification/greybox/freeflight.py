@@ -110,10 +110,12 @@ INSTEAD = (
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return physical parameters, fitted to multi-step predictions of the training runs."""
     sources = sorted({r.source for r in prepared.train})
-    several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
-    found = fit_freeflight(several, request.terms or REAL_TERMS)
     whole = [prepared.recordings[i] for i in sources]
-    model = model_of(found, whole, request.name)
+    several = [_cut(r, prepared.train, i) for r, i in zip(whole, sources, strict=True)]
+    found = fit_freeflight(several, request.terms or REAL_TERMS)
+    fitted = [r for r, _ in flights_to_fit(several)]
+    used = [r for r, part in zip(whole, several, strict=True) if any(part is f for f in fitted)]
+    model = model_of(found, used, request.name)
     return fit_result(
         found,
         model,
