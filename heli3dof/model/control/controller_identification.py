@@ -47,11 +47,13 @@ RANK_TOLERANCE = 1e-10
 
 
 def identified_controller(recording: Recording) -> LinearController | None:
-    """Return the linear controller that explains the recording's voltages, or None.
+    """Return the linear controller that explains the recording's voltages; None in two cases.
 
-    The recording must have all angles in every row, a reference, and a row for every control
-    period. Without references, an integral of the control error would not be identifiable. Only the
-    first `MAX_ROWS` rows are used.
+    * The recording lacks an angle, a row for a control period, or all references. Without
+      references, an integral of the control error would not be identifiable.
+    * No controller of the orders `ORDERS` explains the voltages (see the head of this file).
+
+    Only the first `MAX_ROWS` rows are used.
     """
     r = under_control(recording)
     if len(r.axes) < len(AXES) or not np.isfinite(r.angle).all() or decimation(r) != 1:
@@ -71,7 +73,11 @@ def identified_controller(recording: Recording) -> LinearController | None:
 
 
 def law_of_order(r: Recording, n: int) -> LinearController | None:
-    """Return the linear controller of order ``n`` that fits ``r`` best; None for too few rows."""
+    """Return the linear controller of order ``n`` that explains the voltages of ``r`` best.
+
+    It minimises Σ|e|, where e (V) are the logged voltages minus those of the controller. Returns
+    None if ``r`` has too few rows.
+    """
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
     limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
     near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0
@@ -94,7 +100,10 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
 
 
 def _robust_std(t: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (2,) of e (n, 2), from the median of |e|; ``t`` is not used."""
+    """Return the standard deviation (2,) of the errors e (n, 2), from the median of |e|.
+
+    `unexplained_share` calls this function with the times ``t``, which are not used.
+    """
     return np.asarray(MAD_TO_STD * np.median(np.abs(e), axis=0))
 
 
