@@ -36,7 +36,7 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return sentences on faults that end the diagnosis, and on effects such as jitter.
+    """Return sentences on faults: those that end the diagnosis, and timing effects such as jitter.
 
     Equal sentences are given once. If several recordings have the same effect, one sentence
     describes the first and names the others. With --verbose, heli3dof prints all faults.

@@ -21,7 +21,7 @@ NAME = 20
 
 @dataclass(frozen=True)
 class Grid:
-    """A table of strings. Text columns align left, columns of numbers right (`is_number`)."""
+    """A table of strings. Columns of numbers (`is_number`) align right, all others left."""
 
     title: str
     columns: Sequence[str]
