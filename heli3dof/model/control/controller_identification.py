@@ -1,7 +1,7 @@
 """Identify the controller from a log: the linear law by which the voltages follow from the angles.
 
-A sampled linear controller of order n computes the motor voltages u = v − extra (V) from the angles
-y (rad) and the references r (rad):
+From the angles y (rad) and the references r (rad), a sampled linear controller of order n computes
+the voltages u = v − extra (V), with the logged motor voltages v and the logged excitation extra:
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
@@ -10,9 +10,10 @@ rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such 
 row is left out if it, or one of the n rows before it, is at the voltage limit.
 
 The unexplained **share** of a law (`model.control.unexplained_share`) is σ_e/std(Δu), with
-Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. Let s
-be the smallest share of the orders `ORDERS`. If s exceeds `MAX_SHARE`, no controller is identified.
-Otherwise the result is the law of lowest order whose share is at most s + `ALIKE`.
+Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. The
+orders `ORDERS` are tried until a share is at most `ALIKE`. Let s be the smallest share of the tried
+orders. If s exceeds `MAX_SHARE`, no controller is identified. Otherwise the result is the law of
+lowest order whose share is at most s + `ALIKE`.
 """
 
 from __future__ import annotations

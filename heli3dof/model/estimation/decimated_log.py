@@ -45,12 +45,11 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """Return a recording with a row per control period, and indices (N,) of rows in it.
+    """Return the log with a row per control period, and its N rows' indices (N,) in the result.
 
-    The indices are those of the log's N rows. In added rows, the times and the voltages added to
-    the controller's (``voltage_extra``) are interpolated. All other values are those of the row
-    before. The caller can replace the angles and voltages, which are unknown there, by a
-    simulation.
+    In added rows, the times and the voltages added to the controller's (``voltage_extra``) are
+    interpolated. All other values are those of the row before. The caller can replace the angles
+    and voltages, which are unknown there, by a simulation.
     """
     own = np.arange(len(recording))
     if decimation(recording) == 1:

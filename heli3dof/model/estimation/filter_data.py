@@ -1,7 +1,7 @@
 """Convert recordings to arrays for the Kalman filters.
 
 A run is an interval of usable rows. The lead-in, up to `LEAD_S` seconds of earlier rows, is added
-before it, so that the voltages there determine the thrusts at its start. For the filters, an
+before the run. Its voltages determine the thrusts at the start of the run. For the filters, an
 unmeasured axis does not move.
 """
 
