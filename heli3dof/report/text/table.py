@@ -54,7 +54,7 @@ class Grid:
 
 
 class _FittingTable:
-    """A table that rich draws in several parts, one below the other, if the terminal is too narrow.
+    """A table that the library rich draws in parts, one below the other, on a narrow terminal.
 
     ``grid``: its contents. Title and notes are not drawn.
     """
