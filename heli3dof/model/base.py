@@ -1,4 +1,4 @@
-"""`Model`: the interface of all models; `LoopTask`, `LoopResult`: input and result of a simulation.
+"""`Model`: the interface of all models; `LoopTask`, `LoopResult`: a simulation's input and result.
 
 Comparison, validation and diagnosis use a model only through the methods of `Model`.
 """
@@ -78,14 +78,17 @@ class Model(Protocol):
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the closed-loop flight that ``task`` describes; inf or NaN if it diverges."""
+        """Return the closed-loop flight that ``task`` describes, simulated with this model.
+
+        If the simulation diverges, the result contains inf or NaN.
+        """
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (rad/s) with ``controller``, whose period is ``dt`` s.
 
-        The loop is sampled, and a pole z is returned as s = log(z)/dt. The hover model's loop is
-        continuous.
+        The hover model's loop is continuous. The loops of all other models are sampled: a pole z is
+        returned as s = log(z)/dt.
         """
         ...
 

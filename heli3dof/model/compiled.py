@@ -44,7 +44,10 @@ def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any
 
 @cache
 def _digest(function: Callable[..., Any]) -> str:
-    """Return a hash of the function's file, its global numbers and the functions it calls."""
+    """Return a hash of the sources of ``function``.
+
+    These are its file, the global numbers that it uses, and the compiled functions that it calls.
+    """
     function = getattr(function, "py_func", function)
     h = hashlib.sha256(_source(inspect.getfile(function)))
     names: dict[str, Any] = getattr(function, "__globals__", {})

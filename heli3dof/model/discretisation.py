@@ -50,7 +50,10 @@ class Continuous:
         return np.array([self.C @ x + self.D for x in inner])
 
     def coefficients(self) -> np.ndarray:
-        """Return all transfer functions' coefficients, [den[1:], num.ravel()] of `numerators`."""
+        """Return all transfer functions' coefficients in one array: den[1:], then num.ravel().
+
+        num and den are the results of `numerators`.
+        """
         num, den = numerators(self)
         return np.concatenate([den[1:], num.ravel()])
 
@@ -104,10 +107,10 @@ def continuous(model: LinearModel) -> Continuous:
 def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
     """Return the transfer functions' coefficients (num, den), highest power of s first.
 
-    num[i, j]/den is the transfer function from motor j (V) to axis i (rad). num has the shape
-    (3, 2, n + 1), den (n + 1,) is det(sI − A). Without feedthrough, the numerator is
-    det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. A feedthrough D adds
-    D_ij · den.
+    num[i, j]/den is the transfer function from motor j (V) to axis i (rad). With n states, num has
+    the shape (3, 2, n + 1), and den (n + 1,) contains det(sI − A). Without feedthrough, the
+    numerator is det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. A
+    feedthrough D adds D_ij · den.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))
@@ -124,8 +127,8 @@ def to_control(
     """Return a python-control ``StateSpace`` about the trim: from u − u0 (V) to y − y0 (rad).
 
     u are the motor voltages, y the angles; u0, y0: trim. The result is discrete at the model's
-    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names;
-    a bilinear conversion mixes the states, so it names them x[0], x[1], …
+    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names.
+    A bilinear conversion mixes the states; the result's states are then named x[0], x[1], …
     """
     import control
 

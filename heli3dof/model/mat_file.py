@@ -3,8 +3,8 @@
     x[k+1] = A x[k] + B (V[k] − u0_V)        y[k] = C x[k] + D (V[k] − u0_V) + y0_rad
 
 V are the voltages in V (front, back), y the angles in rad of the model's axes. D is zero. The
-sample interval is Ts s. The variables Ac, Bc, Cc, Dc are the same model in continuous time. A
-nonlinear model is linearised at level hover.
+variable Ts is the sample interval in s. The variables Ac, Bc, Cc, Dc are the same model in
+continuous time. A nonlinear model is linearised at level hover.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ STATE_UNITS = {"r": "rad", "p": "rad", "psi": "rad", "F_front": "N", "F_back": "
 def save_mat(model: Model, path: str | Path, *, force: bool = False) -> Path:
     """Write a model's `variables` to the MAT file ``path`` and return the path.
 
-    Raises OutputExists (without ``force``), UsageError, NoSpace, or CheckFailed if a nonlinear
-    model cannot hover level.
+    Raises OutputExists if the file exists and ``force`` is not set, UsageError or NoSpace if it
+    cannot be written, and CheckFailed if a nonlinear model cannot hover level.
     """
     from scipy.io import savemat
 

@@ -32,7 +32,7 @@ def _product(units: str) -> str:
 
 
 def named_unit(unit: str) -> str:
-    """Return a unit in the spelling of parameter names, the inverse of `split_unit`.
+    """Return a unit as it is spelled at the end of parameter names.
 
     >>> named_unit("N·m·s²/rad²"), named_unit("1/V"), named_unit("°")
     ('Nms2_per_rad2', 'per_V', 'deg')

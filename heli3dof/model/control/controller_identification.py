@@ -1,7 +1,7 @@
 """Identify the controller from a log: the linear law by which the voltages follow from the angles.
 
-A sampled linear controller of order n computes the motor voltages u = v − extra (V) from the angles
-y (rad) and the references r (rad):
+From the angles y (rad) and the references r (rad), a sampled linear controller of order n computes
+the voltages u = v − extra (V), with the logged motor voltages v and the logged excitation extra:
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
@@ -10,9 +10,10 @@ rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such 
 row is left out if it, or one of the n rows before it, is at the voltage limit.
 
 The unexplained **share** of a law (`model.control.unexplained_share`) is σ_e/std(Δu), with
-Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. Let s
-be the smallest share of the orders `ORDERS`. If s exceeds `MAX_SHARE`, no controller is identified.
-Otherwise the result is the law of lowest order whose share is at most s + `ALIKE`.
+Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. The
+orders `ORDERS` are tried until a share is at most `ALIKE`. Let s be the smallest share of the tried
+orders. If s exceeds `MAX_SHARE`, no controller is identified. Otherwise the result is the law of
+lowest order whose share is at most s + `ALIKE`.
 """
 
 from __future__ import annotations
@@ -47,11 +48,13 @@ RANK_TOLERANCE = 1e-10
 
 
 def identified_controller(recording: Recording) -> LinearController | None:
-    """Return the linear controller that explains the recording's voltages, or None.
+    """Return the linear controller that explains the recording's voltages; None in two cases.
 
-    The recording must have all angles in every row, a reference, and a row for every control
-    period. Without references, an integral of the control error would not be identifiable. Only the
-    first `MAX_ROWS` rows are used.
+    * The recording lacks an angle, a row for a control period, or all references. Without
+      references, an integral of the control error would not be identifiable.
+    * No controller of the orders `ORDERS` explains the voltages (see the head of this file).
+
+    Only the first `MAX_ROWS` rows are used.
     """
     r = under_control(recording)
     if len(r.axes) < len(AXES) or not np.isfinite(r.angle).all() or decimation(r) != 1:
@@ -71,7 +74,11 @@ def identified_controller(recording: Recording) -> LinearController | None:
 
 
 def law_of_order(r: Recording, n: int) -> LinearController | None:
-    """Return the linear controller of order ``n`` that fits ``r`` best; None for too few rows."""
+    """Return the linear controller of order ``n`` that explains the voltages of ``r`` best.
+
+    It minimises Σ|e|, where e (V) are the logged voltages minus those of the controller. Returns
+    None if ``r`` has too few rows.
+    """
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
     limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
     near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0
@@ -94,7 +101,10 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
 
 
 def _robust_std(t: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (2,) of e (n, 2), from the median of |e|; ``t`` is not used."""
+    """Return the standard deviation (2,) of the errors e (n, 2), from the median of |e|.
+
+    `unexplained_share` calls this function with the times ``t``, which are not used.
+    """
     return np.asarray(MAD_TO_STD * np.median(np.abs(e), axis=0))
 
 

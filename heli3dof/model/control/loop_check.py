@@ -1,19 +1,21 @@
 """Check the closed loop of a profile before a flight: poles, disk margin, simulated steps.
 
-The margin is for the sampled loop (filtered rates, integrals), broken at both motors' voltages at
-once. At the motors, L(z) is the 2 × 2 loop gain and S = (I + L)⁻¹ the sensitivity. Two complex
-factors, f_F and f_B, multiply the front and back voltage independently. Their disk margin is::
+The margin is for the sampled loop (filtered rates, integrals), broken at both motors' voltages
+simultaneously. At the motors, L(z) is the 2 × 2 loop gain and S = (I + L)⁻¹ the sensitivity. Two
+complex factors, f_F and f_B, multiply the front and back voltage independently. Their disk margin
+is::
 
     α = 1 / max_ω μ(S − I/2),       μ: the structured singular value for diag(f_F, f_B)
 
 The loop stays stable if each factor is real, from (1 − α/2)/(1 + α/2) to the inverse of this
 number. The loop also stays stable if each factor is a pure phase shift of at most 2 atan(α/2). For
-M = [a b; c d] the scaling that balances |b| and |c| makes μ exact::
+a matrix M = [a b; c d], the diagonal scaling that makes |b| and |c| equal gives μ exactly::
 
     μ(M)² = (F + √(F² − 4 |det M|²)) / 2,    F = |a|² + |d|² + 2 |b c|
 
 Seiler, Packard and Gahinet, An introduction to disk margins, IEEE Control Systems 40(5), 2020. The
-steps are simulated on the nonlinear rigid body with encoders, limits and the amplifier's ±v_max.
+steps are simulated on the nonlinear rigid body with encoder steps, the controller's limiters and
+the amplifier's ±v_max.
 """
 
 from __future__ import annotations
@@ -133,7 +135,10 @@ def check_loop_of(profile: Profile) -> LoopCheck:
 
 
 def disk_margin(profile: Profile, spec: ControllerSpec) -> float:
-    """Return the disk margin α (head of this file) of the hover model with controller ``spec``."""
+    """Return the disk margin α at both motors, for the hover model with the controller ``spec``.
+
+    Definition: see the head of this file.
+    """
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]
     z = np.exp(1j * w * profile.dt)
@@ -203,7 +208,7 @@ def _step(
 def _trip(
     profile: Profile, t: FloatArray, angle: FloatArray, command: FloatArray, voltage: FloatArray
 ) -> str | None:
-    """Return the first trip of a safety monitor in a simulated flight, or None if none trips.
+    """Return the first safety trip in a simulated flight as text; None if no monitor trips.
 
     ``t`` (N,) s: times; ``angle`` (N, 3) rad; ``command``, ``voltage`` (N, 2) V: motor voltages
     before and after the limiter.

@@ -2,10 +2,10 @@
 
 The voltage that `control_law` computes is a sum of contributions of each axis i to motor m,
 
-    c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)
+    c_im = K_mi (q_i,ref − q_i) − K_m,3+i q̇_i + clamp(K_m,6+j ξ_j)
 
-with the gain K (2 × 8), the reference i_ref, the filtered rate i̇ and the error integral ξ_j. j = 0
-is roll and j = 1 yaw; pitch has no integral.
+with the gain K (2 × 8), the angle q_i, its reference q_i,ref, its filtered rate q̇_i and the error
+integral ξ_j. j = 0 is roll and j = 1 yaw; pitch has no integral.
 
 Each axis has a mode in each control period:
 
@@ -22,8 +22,8 @@ extra is true for its rows, and a replay needs no modes.
 
 The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
 between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate
-exceeds `SHARE` of the safety envelope, all loops are closed. They stay closed as long as any axis
-has the mode OPEN.
+exceeds `SHARE` of the safety envelope, all loops are closed. They stay closed until a period in
+which no axis has the mode OPEN.
 """
 
 from __future__ import annotations
@@ -100,8 +100,9 @@ def before_law(
     """Decide which axes run in open loop in a control period; set references for `control_law`.
 
     ``mode`` (3) is the request for each axis: 0 CLOSED; 1 LEARN: closed, while `after_law` averages
-    the axis's part of the voltage; 2 OPEN. If an angle or rate leaves ``bounds``
-    (`open_loop_bounds`), all loops are closed, and stay closed as long as any axis has mode OPEN.
+    the axis's contribution to the voltage; 2 OPEN. If an angle or rate is outside ``bounds``
+    (`open_loop_bounds`), all loops are closed. They stay closed until a period in which no axis has
+    the mode OPEN.
 
     ``p``, ``s``: parameters and state of `control_law`; ``angle`` (3) rad: measured; ``z``: state
     of the loop opening, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with
@@ -152,9 +153,10 @@ def after_law(
     """Average or replace the axes' contributions to the voltages that `control_law` computed.
 
     In mode LEARN the contribution is averaged; in an open loop the average replaces it. After the
-    last loop is closed, the replacement decays (`FADE_S`). The excitation is added. ``extra`` (2) V
-    and the law's output ``out`` (4) V are overwritten with the values to apply. ``p``, ``s``: the
-    law's parameters and state; ``z``: state of the loop opening; ``mode``: see `before_law`.
+    last loop is closed, the replacement voltage decays with the time constant `FADE_S`. Finally,
+    the excitation is added. ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with
+    the values to apply. ``p``, ``s``: the law's parameters and state; ``z``: state of the loop
+    opening; ``mode``: see `before_law`.
     """
     for m in range(2):
         replaced = 0.0

@@ -28,11 +28,12 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """Return the task (the input of a closed-loop simulation) that replays a recorded flight.
 
-    The task has the recorded references, extra voltages, start angles and controller. For an
-    identified controller, the extra voltages are its input w. The task has a row for each of the
-    profile's control periods. A lost sample gets the references and extra voltages of the row
-    before. The recording must hold closed-loop rows only (`under_control`). Raises ValueError if
-    `why_not_replayed` gives a reason.
+    The task has the recorded references, extra voltages, start angles and controller. A linear
+    controller identified from the log computes the voltages from the angles and earlier voltages,
+    plus an input w. For such a controller, the task's extra voltages are w. The task has a row for
+    each of the profile's control periods. A lost sample gets the references and extra voltages of
+    the row before. The recording must hold closed-loop rows only (`under_control`). Raises
+    ValueError if `why_not_replayed` gives a reason.
     """
     if reason := why_not_replayed(recording):
         raise ValueError(reason)

@@ -1,12 +1,15 @@
 """The controller in simulated flights: that of the profile, or one identified from a log.
 
-One compiled function, `simulated_law`, computes both from parameters p and a state s. For the
-profile's controller, p and s are those of `controller.control_law`; p[0] is the control period. For
-a linear controller of order n (symbols: `recording.linear_controller`), p[0] is negative:
+One compiled function, `simulated_law`, computes the voltages of either controller from parameters p
+and a state s. For the profile's controller, p and s are those of `controller.control_law`; p[0] is
+the control period. An identified controller is linear, of order n (`recording.linear_controller`):
+
+    v[k] = clip(Σ_{j=1…n} A_j v[k−j] + Σ_{j=0…n} B_j y[k−j] + w[k], ±v_max)
+
+v are the motor voltages (V), y the angles (rad). The input w (V) takes the place of the extra
+voltage. p[0] is negative:
 
     p = [−n, v_max, A_1 … A_n, B_0 … B_n]        s = [v[k−1] … v[k−n], y[k−1] … y[k−n]]
-
-The linear controller's input w (V) takes the place of the extra voltage.
 """
 
 from __future__ import annotations
@@ -39,9 +42,10 @@ def controller_arrays(
 
 
 def _linear_law(p, s, angle, extra, out):  # type: ignore[no-untyped-def]
-    """Compute one control period of a linear controller with the parameters p and the state s.
+    """Compute one control period of a linear controller; update its state ``s``.
 
-    p, s: see the head of this file; ``extra`` (2) V: input w; ``out``: as in `control_law`.
+    ``p``, ``s``: see the head of this file; ``angle`` (3) rad: measured; ``extra`` (2) V: the input
+    w. ``out`` (4) gets the voltages (front, back), then the same limited to ±v_max.
     """
     n = int(-p[0])
     B = 2 + 4 * n

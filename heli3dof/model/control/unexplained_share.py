@@ -1,9 +1,10 @@
 """Measure which share of a recording's voltages a controller's law does not explain.
 
-In a block of `BLOCK_S`, a motor's share is the size of the law's errors, divided by the standard
-deviation of a voltage signal. The caller chooses the measure of size and the signal. The block's
-share is the larger of the two motors' shares. The recording's share is the upper quartile of its
-blocks' shares, because a landing, a lost sample or a voltage limit makes single blocks differ.
+The law's errors are the logged voltages minus those of the law. In each block of `BLOCK_S` seconds,
+a motor's share is the size of the errors, divided by the standard deviation of a voltage signal.
+The caller chooses the measure of size and the signal. The block's share is the larger of the two
+motors' shares. The recording's share is the upper quartile of its blocks' shares, because a
+landing, a lost sample or a voltage limit makes single blocks differ.
 """
 
 from __future__ import annotations
@@ -28,11 +29,13 @@ def unexplained_share(
     signal: np.ndarray,
     size: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> float | None:
-    """Return the share of ``e`` in ``signal``; None if there are fewer than `LEAST_BLOCKS` blocks.
+    """Return size(t, e)/std(signal), the upper quartile over blocks of `BLOCK_S` seconds.
 
-    ``t`` (N,): s since the start of the first block. ``e``, ``signal`` (N, 2): errors and signal of
-    both motors, V. ``size``: function of t and e of one block that returns the errors' size (2,).
-    Blocks with too few rows, or in which the signal is constant, are left out.
+    In a block, the larger ratio of the two motors counts. ``t`` (N,): s since the start of the
+    first block. ``e``, ``signal`` (N, 2): errors and signal of both motors, V. ``size``: function
+    that returns the size (2,) of one block's errors, such as their standard deviation. Blocks with
+    too few rows, or in which the signal is constant, are left out. Returns None if fewer than
+    `LEAST_BLOCKS` blocks remain.
 
     >>> t, e = np.arange(300) * 0.02, np.full((300, 2), 0.5)
     >>> signal = np.where(np.arange(300) % 2, 1.0, -1.0)[:, None] * [1.0, 2.0]  # std 1 and 2

@@ -124,6 +124,7 @@ def with_known_controller(recording: Recording) -> Recording:
     * If the profile's controller is one period late, `is_late` is true for the result.
     * If the profile has no controller, or another one flew the recording, the result has an
       ``identified_controller``. If none can be identified, the result has no controller.
+    * In all other cases the recording is returned unchanged.
     """
     result = voltage_replay(recording)
     match = None if result is None else result.match
@@ -160,7 +161,10 @@ def is_late(recording: Recording) -> bool:
 
 
 def _voltage(r: Recording) -> np.ndarray:
-    """Return the voltages (N, 2) V, after the limiter, that the controller gives for r's angles."""
+    """Return the voltages (N, 2) V that the profile's controller computes from the log ``r``.
+
+    They are voltages after the limiter, computed from the logged angles, references and excitation.
+    """
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)
@@ -182,9 +186,10 @@ _replay_compiled = compiled(_replay)
 
 
 def _is_explained(t: np.ndarray, d: np.ndarray, logged: np.ndarray) -> bool:
-    """Return True if the share of d in the ``logged`` voltages is at most `REPRODUCED`.
+    """Return True if a controller explains the ``logged`` voltages up to the differences d.
 
-    ``t`` (n,) s: times; d, ``logged`` (n, 2) V.
+    This holds if std(d)/std(logged), with d detrended, is at most `REPRODUCED`; see
+    `unexplained_share`. ``t`` (n,) s: times; d, ``logged`` (n, 2) V.
     """
     share = unexplained_share(t, d, logged, _detrended_std)
     return share is not None and share <= REPRODUCED

@@ -108,7 +108,10 @@ def _plug_in(point: EntryPoint) -> PlugIn:
 
 
 def _where(error: BaseException) -> str:
-    """Return ``file:line`` of an error in a plug-in's code; "" if it occurred in other code."""
+    """Return where an error occurred in a plug-in's code, as ``file:line``.
+
+    Returns "" if the error did not occur in the plug-in's code.
+    """
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     if isinstance(error, HookError):

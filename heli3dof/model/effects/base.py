@@ -1,8 +1,8 @@
 """`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
-Each file of this folder defines a family of effects as ``EFFECTS``. To add an effect, write one
-file with ``EFFECT = Effect(...)`` and the equation in its docstring. Another package registers such
-an object under the entry-point group ``heli3dof.effects``.
+Each file of this folder defines related effects in a tuple ``EFFECTS``, or a single one as
+``EFFECT``. To add an effect, write a file with ``EFFECT = Effect(...)`` and the equation in its
+docstring. Another package registers its `Effect` under the entry-point group ``heli3dof.effects``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Parameter:
             logarithm if ``log``); default 10 · ``typical``, or 1.5 if ``log``.
         start: the starting value of a fit and mean of the prior; default ``null``, or ``typical``
             if ``log``.
-        per_recording: if true, each recording has its own value, as a phase or an instant has.
+        per_recording: if true, each recording has its own value, such as the phase of a periodic
+            torque or the time of a change.
     """
 
     name: str
@@ -108,8 +109,8 @@ class Effect:
             value. Several are needed if the shape of the predicted change depends on the value.
         probe_quantiles: for a voltage limit, instead of ``probes``: a diagnosis evaluates the score
             at these quantiles of the recorded |voltage|.
-        scan: ``frequency`` or ``instant`` if the second parameter is a frequency or an instant. A
-            diagnosis then evaluates the score at all its values
+        scan: ``frequency`` if the second parameter is a frequency, ``instant`` if it is the time of
+            a change. A diagnosis then evaluates the score at all values of this parameter
             (`heli3dof.diagnosis.screening.scans`).
 
     An effect without parameters is a switch; a diagnosis does not report it.

@@ -11,7 +11,7 @@ from heli3dof.model.physics.state_layout import AXIS, A, B, C, Stage, T
 
 
 def bias(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """A constant torque: from an unbalanced body on pitch, a tilted base or a draught on yaw.
+    """A constant torque: on pitch from an unbalanced body, on yaw from a tilted base or a draught.
 
     τ = τ_b in N·m, positive in the direction of the growing angle. This effect does not exist on
     roll: there the estimated gravity torque T_g of the arm includes a constant torque.

@@ -1,4 +1,4 @@
-"""Effects on the sampling instants. They have no equation: time stamps or motion show them.
+"""Effects on the sampling instants: lost samples and jitter. The equations do not contain them.
 
 ``timing.gaps``, lost samples: the parameter is n/N if n of N samples are lost. The time stamps show
 a loss, because the interval between two rows is longer than a period. A fit skips the gaps.

@@ -45,7 +45,7 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """Return a recording with a row per control period, and the log's rows' indices (N,) in it.
+    """Return the log with a row per control period, and its N rows' indices (N,) in the result.
 
     In added rows, the times and the voltages added to the controller's (``voltage_extra``) are
     interpolated. All other values are those of the row before. The caller can replace the angles

@@ -18,10 +18,10 @@ score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + 
 P_c is column c of P.
 
 Σ ln Z is the log-likelihood of a recording. Parameters θ′ near the filter's θ change the prediction
-of c by δc. With the gains P_c kept, the update is then x ← x + P_c (g − w δc). `follow` computes δc
+of c by δc. With P_c, g and w kept, the update is then x ← x + P_c (g − w δc). `follow` computes δc
 at all events for several θ′. The differences give ∂c/∂θ, which a Gauss–Newton step needs. If θ′
-changes an encoder's factor k, the gain for the angle is multiplied by k(θ)/k(θ′), so that the gain
-for the reading stays the same.
+changes an encoder's factor k, the update of the angle is multiplied by k(θ)/k(θ′), so that the
+update of the reading stays the same.
 """
 
 from __future__ import annotations
@@ -136,7 +136,8 @@ def _filter(  # type: ignore[no-untyped-def]
     reading changes, ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,)
     gets the log-likelihood of each axis. ``keep`` selects what else is stored:
     - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
-      with opposite sign), prediction C, score G, information W and gain K (6,);
+      with opposite sign), prediction C, score G, information W, and K (6,), the covariance of x
+      and the predicted reading or rate, so that x ← x + K G;
     - ≥ 2: X (N, 6), the states after the updates of each row;
     - ≥ 3: X (N, 9); its last three columns are ``loglik`` up to each row.
     """
@@ -292,7 +293,8 @@ class FilterRun:
     w: np.ndarray
     """(E,) each: predicted readings c, scores g = ∂ln Z/∂c, informations w = −∂²ln Z/∂c²"""
     K: np.ndarray
-    """(E, 6) the filter's gain at each update"""
+    """(E, 6) covariance of state and predicted reading at each update, which changes the state by
+    K g"""
     X: np.ndarray | None
     """(N, 6) states after each row, angles in rad and rates in rad/s; (N, 9) if the sums Σ ln Z by
     axis up to the row follow; None if not kept"""
@@ -343,11 +345,11 @@ def _follow(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Predict the E measurement updates (events) of `_filter` with J parameter sets; fill D (J, E).
 
-    D is the predicted angle or rate minus that of `_filter`, whose gains are kept. ``s0`` and
-    ``pars`` contain the J sets, each from `Structure.arrays`. row, state, C, G, W, K are the events
-    that `_filter` stored; the other arguments are those of `_filter`. The integration is coarser
-    than the filter's. Therefore, pass the filter's own parameters as the first set, and subtract
-    the first row of D from the other rows.
+    D is the predicted reading or rate minus that of `_filter`. Each event changes the state by
+    K (G − W D). row, state, C, G, W, K are the events that `_filter` stored; the other arguments
+    are those of `_filter`. ``s0`` and ``pars`` contain the J sets, each from `Structure.arrays`.
+    The integration is coarser than the filter's. Therefore, pass the filter's own parameters as the
+    first set, and subtract the first row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     encoder_effects = first[MEASURE + 1] > first[MEASURE]

@@ -1,7 +1,7 @@
 """Convert recordings to arrays for the Kalman filters.
 
 A run is an interval of usable rows. The lead-in, up to `LEAD_S` seconds of earlier rows, is added
-before it, so that the voltages there determine the thrusts at its start. For the filters, an
+before the run. Its voltages determine the thrusts at the start of the run. For the filters, an
 unmeasured axis does not move.
 """
 
@@ -75,7 +75,7 @@ class Data:
 
     @property
     def recorded_t(self) -> np.ndarray:
-        """Return the time of each row since the first sample of its recording, (N,) s."""
+        """Return the time (N,) s of each row since its recording's first sample, not shifted."""
         return (
             with_shifted_time(self, [-x for x in self.time_shifts]).t
             if self.time_shifts
@@ -201,9 +201,9 @@ def hold_last(
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """Return the first row of the lead-in, the rows before a run that begins in row ``start``.
+    """Return the index of the lead-in's first row, for a run that begins in row ``start``.
 
-    The lead-in contains no gap and no lost voltage.
+    The lead-in lasts at most `LEAD_S` seconds and contains no gap and no lost voltage.
     """
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))
@@ -215,9 +215,9 @@ def _lead(recording: Recording, start: int) -> int:
 
 
 def _on_grid(y: np.ndarray, step: float) -> bool:
-    """Return True if 98 % of the angles y are a whole number of steps from the first, y[0].
+    """Return True if over 98 % of the angles y are a whole number of steps from the first one.
 
-    ``step`` (rad) is the encoder step.
+    ``step`` (rad) is the encoder step. Deviations below `ON_GRID` steps count as zero.
     """
     y = y[np.isfinite(y)]
     counts = (y - y[0]) / step

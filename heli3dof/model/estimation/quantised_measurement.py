@@ -109,8 +109,9 @@ rate_event = compiled(_rate_event, leaf=True, error_model="numpy")
 def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
 
-    y = ``scale`` · x[c] is the predicted encoder reading or rate, and Z the measurement's
-    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) gets the gain ``scale`` · P[:, c].
+    y is the predicted encoder reading or rate, with ∂y/∂x[c] = ``scale``. Z is the measurement's
+    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) gets p = ``scale`` · P[:, c], the
+    covariance of x and y before the update: x ← x + p g, P ← P − p pᵀ w.
     """
     for j in range(6):
         column[j] = scale * P[j, c]

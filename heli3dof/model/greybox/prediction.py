@@ -2,8 +2,8 @@
 
 An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
 vary by recording) estimates the state x̂[k] at each row k from readings up to that row. From there
-the model is simulated to horizons h_j in steps of about `STEP_S`, with the thrusts' mean over each
-step:
+the model is simulated to the horizons of n_j samples, h_j (s), in steps of about `STEP_S` s, with
+the thrusts' mean over each step:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
@@ -73,7 +73,7 @@ def _windows(  # type: ignore[no-untyped-def]
     in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
     parameters that vary by recording; ``thrust_integral`` (N + 1, 2): the thrusts' time integral
     (`impulse`); ``low``: roll on the table (rad); ``stride``: rows per step; ``by_direction``:
-    `predictions`. Other arguments: see `integrator`.
+    see `predictions`. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))

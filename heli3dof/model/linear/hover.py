@@ -94,9 +94,9 @@ def _as_printed(profile: Profile) -> Hover:
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
     """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
-    ``printed``: with the paper's errata. States: roll, pitch, yaw (rad) and their rates (rad/s);
-    trim u0 = hover voltage V_o of each motor, y0 = 0. Kalman gain K zero and noise covariance S
-    NaN, because the paper gives no noise.
+    ``printed``: with the paper's errata. The states are roll, pitch, yaw (rad) and their rates
+    (rad/s). The trim is u0 = hover voltage V_o of each motor, y0 = 0. The Kalman gain K is zero and
+    the noise covariance S is NaN, because the paper gives no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh
 

@@ -13,8 +13,8 @@ model is not simulated from t = 0, because the plant integrates twice: 0.05 V of
 L_k is the time-varying Kalman gain from an uncertain initial state. After L_k has converged, its
 limit is used. The noise that this Kalman gain assumes depends on the model:
 
-* K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. If every axis is
-  measured, the limit is K itself.
+* K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. If S is unknown,
+  the encoder noise below replaces it. If every axis is measured, the limit is K itself.
 * the hover model, for which the paper gives no noise: white angular acceleration of
   intensity `ACCELERATION`², and encoder steps as white noise of variance step²/12 per sample. The
   intensity is large on purpose: the hover model's accelerations are off by tenths of rad/s² on a
@@ -110,9 +110,10 @@ def filtered_states(
 
 
 def kalman_gains(model: LinearModel, recording: Recording, axes: np.ndarray) -> np.ndarray:
-    """Return the Kalman gains (M, n, 3) of the first M samples; later samples use the last gain.
+    """Return the Kalman gains (M, n, 3) of the first M samples, until the gain has converged.
 
-    ``axes`` (3,) bool selects the measured angles that correct the state.
+    Later samples use the last of these gains. n is the number of the model's states. ``axes`` (3,)
+    bool selects the measured angles that correct the state.
     """
     Q, R, cross = noise(model, recording, axes)
     A, C = model.A, model.C[axes]

@@ -74,9 +74,9 @@ def _apply_dry_friction(s, x, h, first, address, par, mem, free, w):  # type: ig
     """Apply dry friction to x after a step of h s; return True if any joint has friction.
 
     x (6,): angles and rates, changed in place. w (≥ 8, 3) is work space. At the call, its row 3
-    contains the standard deviations of the rates. On return, row 2 contains ρ, row 3 Var S (see
-    `_soft_threshold`), and row 4 + i contains W_ji/W_ii for all joints j, with the inverse mass
-    matrix W. Other arguments: `heli3dof.model.physics.integrator`.
+    contains the standard deviations of the rates. On return, row 2 contains ρ, row 3 Var S for the
+    joints with friction (see `_soft_threshold`), and row 4 + i contains W_ji/W_ii for all joints j,
+    with the inverse mass matrix W. Other arguments: see `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False

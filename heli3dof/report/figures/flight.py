@@ -64,7 +64,7 @@ def plan_figure(plan: Plan, dt: float) -> Figure:
 
 
 def _motors(t: np.ndarray, voltage: np.ndarray) -> list[Curve]:
-    """Return curves of both motors' voltages (N, 2) in V."""
+    """Return a curve for each motor; ``voltage`` (N, 2) in V, at the times ``t`` (N,) in s."""
     return [
         Curve("front", t, voltage[:, 0], Line(BLUE, 1.3)),
         Curve("back", t, voltage[:, 1], Line(VERMILION, 1.1, (5, 1))),

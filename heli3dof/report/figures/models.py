@@ -93,7 +93,10 @@ def bode_figure(
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Draw an identified model's Bode diagrams, front motor to angles; None if it is nonlinear."""
+    """Draw the Bode diagrams of an identified model, from the front motor to each angle.
+
+    Returns None for a model without a linear response.
+    """
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

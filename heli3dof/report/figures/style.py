@@ -124,7 +124,7 @@ def to_svg(figure: Figure) -> str:
 
 
 def drawn(figure: Figure, ending: str) -> bytes:
-    """Return the figure's file content; the ``ending``, one of `FORMATS`, states the format."""
+    """Return the content of the figure's file; ``ending``, such as ``.svg``, states the format."""
     import matplotlib
 
     buffer = io.BytesIO()

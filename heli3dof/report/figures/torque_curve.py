@@ -88,10 +88,10 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
 
 
 def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | None:
-    """Return the figure's data for the cause ``term`` of the model ``fit``; None without a figure.
+    """Return the data of the figure on the cause ``term`` of the model ``fit``.
 
-    ``noise`` (4,): process noise of roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s), from a
-    fit without the cause.
+    Returns None for an effect without a figure, or without usable rows. ``noise`` (4,): process
+    noise of roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s), from a fit without the cause.
     """
     name = variable_of(term.effect, term.axis)
     if name is None:

@@ -36,7 +36,11 @@ PLAN_COMMAND = re.compile(r"heli3dof (?:run|simulate) (\S+)")
 
 
 def diagnosis_answers(document: Document, data: FigureData, dt: float) -> list[Answer]:
-    """Return the answers of a diagnosis: ``document`` is its JSON; ``dt``: control period in s."""
+    """Return the report's answers from a diagnosis, each an `Answer`.
+
+    ``document``: the JSON of ``diagnose --json``; ``data``: data of the figures; ``dt``: control
+    period in s.
+    """
     answers = [_wrong(document), _cause(document, data), _gain(document), _next(document, dt)]
     return [a for a in answers if a is not None]
 
@@ -103,7 +107,7 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return the answers of a comparison, about its first recording."""
+    """Return the report's answers from a comparison; they concern its first recording."""
     flight = comparison.flights[0]
     if not flight.models:
         return []
@@ -163,7 +167,7 @@ def _best(comparison: Comparison) -> list[Answer]:
 
 
 def identification_answer(found: Identification) -> Answer:
-    """Return the answer of an identification: the fit of predictions on held-out data."""
+    """Return the report's answer from an identification: the model's fit (%) to held-out data."""
     ahead = found.metrics.prediction[SUMMARY_HORIZON_S].fit_percent
     each = [f"{axis} {fixed(float(ahead[i]), 1, ' %')}" for i, axis in enumerate(AXES)]
     sentence = f"Fit {SUMMARY_HORIZON_S:g} s ahead on held-out data: {', '.join(each)}."

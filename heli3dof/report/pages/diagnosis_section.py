@@ -29,8 +29,8 @@ from heli3dof.report.text.table import Grid
 def diagnosis_section(document: Document, p: FigureData = FigureData()) -> Section:
     """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data.
 
-    Verdict, faults, the figure of the predictions before and after, and the table of causes are
-    visible at once; a click opens the rest.
+    Verdict, faults, the figure of predictions without and with the causes, and the table of causes
+    are visible without a click; a click opens the rest.
     """
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]

@@ -244,7 +244,11 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return nested metadata as two flat dicts with dotted names: short texts, and long values."""
+    """Return nested metadata as two flat dicts, one of short values, one of long values.
+
+    The keys are dotted names, ``outer.inner``. ``profile`` and the outermost ``warnings`` are left
+    out.
+    """
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():

@@ -68,7 +68,7 @@ class Answer:
 class Section:
     """A section of an HTML page: heading (plain text), and blocks (strings of HTML).
 
-    ``blocks`` are visible at once; a click opens the other blocks, ``details``.
+    The strings in ``blocks`` are always visible; those in ``details`` open by a click.
     """
 
     title: str

@@ -23,8 +23,8 @@ from heli3dof.report.text.identification_tables import (
 def identification_section(found: Identification) -> Section:
     """Return an identification as a section of an HTML report.
 
-    Warnings, Bode diagrams and fits are visible at once; a click opens the rest: sentences, tables
-    and residuals.
+    Warnings, Bode diagrams and fits are visible without a click. A click opens the rest: sentences,
+    tables and residuals.
     """
     blocks = [warning(w) for w in found.warnings]
     bode = bode_with_bands(found)

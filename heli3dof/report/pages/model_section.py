@@ -110,8 +110,9 @@ def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
 def plant_poles(model: LinearModel) -> np.ndarray:
     """Return the continuous-time poles log(z)/Δt (rad/s) of a discrete model with the poles z.
 
-    The poles of a discretised continuous model are computed from the continuous model, because the
-    repeated eigenvalue z = 1 of a chain of integrators is ill-conditioned.
+    A pole z = 0 (a pure delay) is omitted. The poles of a discretised continuous model are computed
+    from the continuous model, because the repeated eigenvalue z = 1 of a chain of integrators is
+    ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))
@@ -120,9 +121,10 @@ def plant_poles(model: LinearModel) -> np.ndarray:
 
 
 def poles_text(poles: np.ndarray) -> str:
-    """Format poles by decreasing real part, each conjugate pair and each repeated pole once.
+    """Format poles by decreasing real part, with one entry for each conjugate pair.
 
-    At most `MOST_POLES` entries are shown.
+    Poles that are equal after rounding also share one entry. At most `MOST_POLES` entries are
+    shown.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'

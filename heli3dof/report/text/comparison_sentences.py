@@ -11,7 +11,11 @@ from heli3dof.report.text.number_format import fixed
 
 
 def comparison_text(flight: FlightComparison) -> str:
-    """Return sentences on one recording and each model: peak of roll in replay, RMSE."""
+    """Return sentences on the errors of each model with one recording.
+
+    With a replay, they state the peak of roll and the RMSE of replay and predictions; without one,
+    the RMSE of predictions only.
+    """
     if not flight.models:
         return "No model was compared."
     if flight.why is None:

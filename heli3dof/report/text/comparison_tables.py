@@ -188,7 +188,8 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
     """Return the paper's name for the model that corresponds to ``model``; None if it has none.
 
-    "hover" for the hover model, "identification" for the first identified model of ``models``.
+    The name is "hover" for the hover model, and "identification" for the first identified model of
+    ``models``.
     """
     if model.kind == "hover":
         return "hover"

@@ -105,10 +105,11 @@ def before_and_after(gain: Document) -> str:
 
 
 def refit_explains(document: Document) -> bool:
-    """Return True if refitting the profile removes most of the mean square error of an axis.
+    """Return True if refitting the profile's parameters explains the error of at least one axis.
 
-    The decrease must be significant (`heli3dof.diagnosis.validation.gain.removes_most`). With the
-    verdict ``off_calibration`` the result is True without this test.
+    The refit must remove most of the axis' mean square error, and the decrease must be significant
+    (`heli3dof.diagnosis.validation.gain.removes_most`). With the verdict ``off_calibration`` the
+    result is True without this test.
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -146,15 +147,16 @@ def calibration_change(document: Document) -> Iterator[str]:
 
 
 def not_significantly_off(document: Document) -> list[Document]:
-    """Return the entries of ``document["calibration"]`` that may differ from the profile.
+    """Return the entries of ``document["calibration"]`` that may be outside the tolerance.
 
-    Such an estimate is outside the tolerance about the profile's value, but not significantly so.
+    The parameter's estimate is outside the tolerance about the profile's value, but not
+    significantly: noise or a residual torque may be the reason.
     """
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per parameter that may differ from the profile, then one on how to check."""
+    """Yield sentences on parameters that may be outside the tolerance, and on how to check them."""
     doubtful = not_significantly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
@@ -188,9 +190,9 @@ def faults(document: Document) -> Iterator[str]:
 def limits(document: Document) -> Iterator[str]:
     """Yield sentences on what limits the diagnosis.
 
-    They name the recordings that were not fitted, and the axes whose fitted noise exceeds the
-    simulation error (RMSE of predictions with the profile's numbers). If no recording is long
-    enough to measure this error, a sentence states that.
+    They name the recordings that were not fitted, and the axes whose noise floor is more than
+    `NOISE_EXCESS` times the simulation error (RMSE of predictions with the profile's numbers). If
+    no recording is long enough to measure this error, a sentence states that.
     """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
@@ -292,7 +294,7 @@ def adopted(document: Document) -> bool:
 
 
 def measured_on(document: Document) -> str:
-    """Return the name of the data on which the RMSE without and with the causes was measured."""
+    """Return in words on which data the RMSE without and with the causes was measured."""
     if document["gain"].get("measured_on") == "the recordings themselves":
         return "the fitted recordings themselves, which is optimistic"
     return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
@@ -341,7 +343,10 @@ def _remaining(document: Document, remaining: Sequence[Document]) -> str:
 
 
 def slow_noise(document: Document) -> Iterator[str]:
-    """Yield a sentence on slow torque noise, if any; it depends on no measured variable."""
+    """Yield a sentence on slow torque noise, if there is any.
+
+    Slow torque noise is a residual torque that depends on no measured variable.
+    """
     each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
     if each:
         yield (
@@ -425,7 +430,8 @@ def model_deviations(document: Document) -> Iterator[str]:
 def _profile_update(document: Document) -> Iterator[str]:
     """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile.
 
-    It is if the refit explains errors, or if a refitted value is beyond its tolerance.
+    The command is worthwhile if the refit explains errors, or if a refitted value is beyond its
+    tolerance. The command also needs the file of the fitted model; without one, nothing is yielded.
     """
     off = refit_explains(document) or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]

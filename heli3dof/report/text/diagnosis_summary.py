@@ -36,7 +36,7 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return sentences on faults that end the diagnosis, and on effects such as jitter.
+    """Return sentences on faults: those that end the diagnosis, and timing effects such as jitter.
 
     Equal sentences are given once. If several recordings have the same effect, one sentence
     describes the first and names the others. With --verbose, heli3dof prints all faults.
@@ -70,7 +70,10 @@ def simulation_error(document: Document) -> Iterator[str]:
 
 
 def causes(document: Document) -> Iterator[str]:
-    """Yield a line for each of the first causes: name, size, confidence, confounded effects."""
+    """Yield a line for each of the first `MOST_CAUSES` causes, with its size and confidence.
+
+    If a cause is confounded with other effects, the line names them.
+    """
     for n, f in enumerate(_once_each(document)[:MOST_CAUSES], start=1):
         sizes = []
         for key, estimate in f["parameters"].items():

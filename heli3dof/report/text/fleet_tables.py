@@ -14,7 +14,10 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A table column: a pattern for the quantity's name, a title, a factor to the title's unit."""
+    """A table column for the first quantity whose name matches the regular expression ``pattern``.
+
+    ``factor`` converts the quantity to the unit in ``title``.
+    """
 
     pattern: str
     title: str

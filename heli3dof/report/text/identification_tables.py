@@ -80,8 +80,8 @@ def _residual_tests(found: Identification) -> Iterator[str]:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds, and without each effect whose estimate is within two standard
-    deviations of the value that means "no effect"; a note names these effects.
+    ``brief``: without bounds, and without the effect parameters within two standard deviations of
+    the value that means "no effect". A note names the effects of which no parameter is left.
     """
     parameters = found.found.parameters
     absent = {

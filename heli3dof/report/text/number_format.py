@@ -25,7 +25,9 @@ def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) 
 
 
 def significant(value: float | None, std: float | None = None) -> str:
-    """Format a value so that two digits of its standard deviation ``std`` show; None: a dash.
+    """Format a value so that two digits of its standard deviation ``std`` show.
+
+    Without ``std``, four significant digits show. A missing value is a dash.
 
     >>> significant(0.030123, 0.00042), significant(1234.5, 20.0), significant(None)
     ('0.03012', '1234', '–')

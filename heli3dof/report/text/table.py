@@ -21,7 +21,7 @@ NAME = 20
 
 @dataclass(frozen=True)
 class Grid:
-    """A table of strings. Text columns align left, columns of numbers right (`is_number`)."""
+    """A table of strings. Columns of numbers (`is_number`) align right, all others left."""
 
     title: str
     columns: Sequence[str]
@@ -54,7 +54,7 @@ class Grid:
 
 
 class _FittingTable:
-    """A table that rich draws in several parts, one below the other, if the terminal is too narrow.
+    """A table that the library rich draws in parts, one below the other, on a narrow terminal.
 
     ``grid``: its contents. Title and notes are not drawn.
     """
