@@ -1,7 +1,7 @@
-"""Search for residual torques, and drop the causes that only compensate for one.
+"""Search for residual torques, and drop the causes that only compensate for such a torque.
 
-A cause only compensates for a torque if a formula of this torque explains the flight better than
-the cause does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
+A cause counts as compensating if a formula of the torque explains the flight better than the cause
+does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
 and adopted or dropped. The search is repeated until no further cause is removed.
 
 A remaining cause is marked "…-like" (unconfirmed) if one of these holds:
@@ -124,7 +124,11 @@ def _adopted_again(
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings; the unconfirmed ones are marked "…-like"."""
+    """Return the findings; the unconfirmed ones are marked "…-like".
+
+    A finding is unconfirmed if its size in ``fit`` is `insignificant`, or if it does not
+    significantly improve the prediction of held-out data.
+    """
     small = insignificant(fit)
     return tuple(
         replace(f, unconfirmed=f.term.name in small or not gain_interval_positive(f.gain))

@@ -131,9 +131,10 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
-    """Compare ``causes``, taken together, with the best formula; margin −∞ if its fit fails.
+    """Return the comparison of ``causes``, taken together, with the best formula.
 
-    ``ln_causes``: the log-likelihood of ``fit``, which contains the causes.
+    Its ``margin`` is −∞ if the formula cannot be fitted. ``ln_causes``: the log-likelihood of
+    ``fit``, which contains the causes.
     """
     less = fit
     for name in causes:
