@@ -81,7 +81,7 @@ def diagnosis_document(
 
 
 def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
-    """Return an axis' prediction error with the profile's numbers, and its noise floor."""
+    """Return a JSON object: an axis' errors with the profile's numbers, and their noise floors."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
     e = f.simulation_error
@@ -155,7 +155,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the held-out RMSE before and after a model change, and intervals of the reduction."""
+    """Return the JSON object of a gain: RMSE on held-out data before and after, and intervals."""
     rmse: dict[str, Any] = {"before": dict.fromkeys(AXES), "after": dict.fromkeys(AXES)}
     if g is not None:
         rmse = {"before": dict(g.before), "after": dict(g.after)}

@@ -105,7 +105,11 @@ class AdoptionResult:
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
 ) -> AdoptionResult:
-    """Adopt or drop each of the ``choices``; ``fit`` contains them all."""
+    """Return which of the causes ``choices`` are adopted, and which are dropped for what reason.
+
+    ``fit`` contains all of them. ``holdout``: held-out recordings; if there are none, the gains are
+    cross-validated.
+    """
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
@@ -209,7 +213,7 @@ def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
 def is_significant_gain(g: Gain) -> bool:
     """Return whether the gain ``g`` suffices to adopt a cause, whatever the cause's score.
 
-    It suffices if the log-likelihood Δℓ of held-out data increases significantly, or if
+    It suffices if the increase Δℓ in the log-likelihood of held-out data is significant, or if
     Δℓ > `LARGE_GAIN` and the prediction error of an axis decreases significantly.
     """
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())

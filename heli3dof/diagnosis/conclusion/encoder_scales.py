@@ -151,7 +151,7 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether an inertia J differs from nominal by the factor exp(``shift``).
+    """Return whether J/J_nominal of an inertia J is exp(``shift``), within tolerance and noise.
 
     x: (ln(J/J_nominal), its standard deviation σ). The difference between ln(J/J_nominal) and
     ``shift`` may be ln(1 + ``tolerance``) + `SIGMAS_95` σ.

@@ -78,7 +78,10 @@ def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNo
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
-    """Return the last step whose fit has the same terms as ``fit``; if there is none, the last."""
+    """Return the last step whose fit has the same terms as ``fit``.
+
+    If no step has these terms, the result is the last of all steps.
+    """
     names = {t.name for t in fit.structure.terms}
     same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)
     return next(same, steps[-1])
@@ -185,9 +188,9 @@ def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
 
 
 def are_within_tolerance(fit: Estimate, names: set[str]) -> bool:
-    """Return True if every base parameter in ``names`` of ``fit`` is within the tolerance.
+    """Return True if base parameters of ``fit`` are all within the profile's tolerance.
 
-    ``names`` contains the names of findings, such as ``inertia.roll``.
+    ``names``: the parameters, by the names of their findings, such as ``inertia.roll``.
     """
     tolerance = fit.structure.profile.tolerance
     named = [c for c in base_parameters(fit) if finding_of(c.name) in names]

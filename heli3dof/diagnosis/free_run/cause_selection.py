@@ -180,7 +180,7 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 
 
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
-    """Yield the terms, except causes, of which all parameters are mostly their priors."""
+    """Yield the terms whose parameters are all determined mostly by their priors, except causes."""
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
         vague = [

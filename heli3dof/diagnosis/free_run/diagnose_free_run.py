@@ -95,7 +95,7 @@ PREDICTS_WORSE = (
 
 
 def can_be_fitted(recordings: Sequence[Recording]) -> bool:
-    """Return whether a recording with all three angles is long enough to fit 3 s predictions."""
+    """Return whether any recording has all three angles and suffices to fit 3 s predictions."""
     return bool(flights_to_fit(_all_angles(recordings)))
 
 

@@ -6,7 +6,7 @@
 The run also ends in two other cases:
 
 - The recommended plan exceeds the remaining budget.
-- The recommended plan is to show a single cause, but was flown before and did not show it.
+- The recommended plan should show a single cause, but was flown before and did not show it.
 """
 
 from __future__ import annotations
