@@ -40,7 +40,7 @@ from heli3dof.recording.recording import Recording
 def search_residual_torques(
     setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
 ) -> AdoptionResult:
-    """Search the fit of ``start`` for residual torques; drop causes that only compensate for one.
+    """Search the fit of ``start`` for residual torques; drop causes that only compensate for them.
 
     ``flights``: number of flights simulated without residual torque, per search.
     """

@@ -240,7 +240,7 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the other terms with a parameter correlated with one of the term ``name``.
+    """Return the other terms with a parameter correlated with a parameter of the term ``name``.
 
     Two parameters count as correlated if their |correlation| exceeds `CORRELATED`.
     """

@@ -49,9 +49,10 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that scores cannot rank, the chosen cause first; [] if scores can.
+    """Return the candidates that scores cannot rank, the chosen cause first.
 
-    Terms that the score test cannot detect have no score bias and are not among them.
+    The list is empty if scores can rank them. Terms that the score test cannot detect have no score
+    bias and are not among them.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
