@@ -1,15 +1,15 @@
 """Convert the base parameters to SI, and test which are off nominal by more than the tolerance.
 
 The base parameters X are the thrust gain K_f, the trim torque T_g and three inertias J. A fit gives
-T_g and J in units of K_f, which `greybox.thrust_scale` estimates. Columns: X, name of its finding,
-value of the finding.
+T_g and J in units of K_f, which `greybox.thrust_scale` estimates.
 
+    parameter X     name of the finding     value of the finding
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
     T_g             mass.imbalance          torque_Nm = T_g − T_g,nominal
-    an inertia      inertia                 ratio = J/J,nominal
+    an inertia J    inertia                 ratio = J/J,nominal
 
 Let x = ln X/X_nominal, ε the profile's ``tolerance``, and e = ln(1 + ε) for x > 0, else ln(1 − ε).
-X is a finding if x exceeds e significantly:
+X is a finding if |x| significantly exceeds |e|:
 
     |x| − |e| > √((`SCALE_QUANTILE` σ_k)² + (q f σ)²)
 
@@ -48,7 +48,7 @@ STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
 @dataclass(frozen=True)
 class BaseParameter(Measured):
-    """The estimate of one of the profile's parameters, in SI."""
+    """The estimate of a base parameter (K_f, T_g or an inertia), in SI."""
 
     name: str
     unit: str
@@ -154,9 +154,10 @@ def _off(c: BaseParameter) -> OffNominal:
 
 
 def effect_size(fit: PhysicalFit, name: str) -> tuple[float, float] | None:
-    """Return (v − v_0, σ) of a term's first parameter v; v_0 is its value without the effect.
+    """Return (v − v_0, σ) for a term's first parameter, estimated as v ± σ.
 
-    None if the fit lacks the term, or if v is on a logarithmic scale, which has no v_0.
+    v_0 is its value without the effect. The result is None if the fit lacks the term, or if v is on
+    a logarithmic scale, which has no v_0.
     """
     j = first_parameters(fit.free).get(name)
     if j is None or fit.free[j].log:

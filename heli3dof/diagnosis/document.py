@@ -1,4 +1,7 @@
-"""Convert a diagnosis to its JSON document, ``heli3dof.diagnosis/1``, with every top-level key."""
+"""Convert a diagnosis to its JSON document, ``heli3dof.diagnosis/1``.
+
+Every document has all top-level keys.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +81,7 @@ def diagnosis_document(
 
 
 def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
-    """Return an axis' prediction error with the profile's numbers, and its noise floor."""
+    """Return a JSON object: an axis' errors with the profile's numbers, and their noise floors."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
     e = f.simulation_error
@@ -94,10 +97,13 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
 
 
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
-    """Return each base parameter, with its nominal value and the tolerance of the profile.
+    """Return a JSON object for each base parameter: estimate, nominal value, relative tolerance.
 
-    ``beyond_tolerance``: "no" for a parameter within the tolerance, "surely" for one that is a
-    finding, else "not_surely": noise or a residual torque may be the reason.
+    ``beyond_tolerance`` states whether the parameter differs from nominal by more than that:
+
+    - "surely": it does, and is a finding
+    - "not_surely": the estimate does, but noise or a residual torque may be the reason
+    - "no": it does not
     """
     tolerance = f.model.profile.tolerance
     findings = {x.term.name for x in d.calibration_findings}
@@ -123,7 +129,10 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
 
 
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the calibrated values by the profile's keys, as `profile update` writes them."""
+    """Return a JSON object for each key of the profile that `profile update` changes.
+
+    ``was`` is the key's value in the profile, ``value`` the calibrated one.
+    """
     if f is None:
         return []
     keys = profile_keys({c.name: c for c in f.calibration}, f.model.profile)
@@ -133,7 +142,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
 
-    They exclude an inertia that was implausible and therefore has a narrow prior.
+    Ratios with an inertia that was implausible, and therefore has a narrow prior, are omitted.
     """
     if f is None:
         return []
@@ -146,7 +155,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the held-out RMSE before and after a model change, and intervals of the reduction."""
+    """Return the JSON object of a gain: RMSE on held-out data before and after, and intervals."""
     rmse: dict[str, Any] = {"before": dict.fromkeys(AXES), "after": dict.fromkeys(AXES)}
     if g is not None:
         rmse = {"before": dict(g.before), "after": dict(g.after)}

@@ -165,7 +165,7 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults that are causes: findings with the name of an effect."""
+        """Return the recordings' faults that are causes: of kind ``finding``, with an effect."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
@@ -189,7 +189,7 @@ def in_order(
 
 
 def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:
-    """Return the causes in the rig, without the faults of the recordings."""
+    """Return the causes that are properties of the rig; faults of recordings are omitted."""
     return [f for f in causes if not isinstance(f, Fault)]
 
 

@@ -78,7 +78,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: ``run(view)`` returns a recording's faults; the text ``reports`` describes them."""
+    """A check of a recording: ``run(view)`` returns its faults.
+
+    ``reports`` describes, in a few words, what kind of fault the check reports.
+    """
 
     name: str
     stage: Stage

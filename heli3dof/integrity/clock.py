@@ -1,11 +1,14 @@
 """Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-Let m be the ratio of the stamps' period to the profile's. The rates differ if |m − 1| > `OFF`. If
-neither m nor 1/m is nearly an integer, the clock is wrong. Otherwise the log is decimated or
-repeats samples, unless the motion shows a wrong clock. Let g be the median of the axes'
-responses to the voltages, as a multiple of the profile's (`View.responses`). Accelerations scale
-with 1/time², so a wrong clock gives g = 1/m², a right one g = 1. The clock is wrong if g is nearer
-to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.
+Let m be the ratio of the stamps' period to the profile's. If |m − 1| > `OFF`, either the clock is
+wrong (bad data), or the log is decimated or repeats samples (a note). The clock is wrong if one of
+these holds:
+
+- Neither m nor 1/m is nearly an integer.
+- The motion fits the profile's period better than that of the stamps: |ln g + 2 ln m| < |ln g|. g
+  is the median of the axes' responses to the voltages, as a multiple of the profile's
+  (`View.responses`). Accelerations scale with 1/time², so a wrong clock gives g = 1/m², a right one
+  g = 1.
 """
 
 from __future__ import annotations
@@ -120,11 +123,11 @@ def device(view: View) -> Iterable[Fault]:
 
 
 def repeated(view: View) -> Iterable[Fault]:
-    """Yield a fault if too many rows repeat the angles and voltages of the row before.
+    """Yield a fault if over `REPEATED` of the tested rows repeat the row before.
 
     A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
-    the `NEAR` rows around. A repeated row must also repeat the excitation voltage: while the axes
-    rest, angles and motor voltages may stay constant for a few rows.
+    the `NEAR` rows around. A repeated row has the angles, motor voltages and excitation voltages of
+    the row before. Angles and motor voltages alone may stay constant for a few rows at rest.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

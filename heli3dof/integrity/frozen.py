@@ -3,7 +3,7 @@
 Dry friction or backlash may hold an axis, so the axis must have stayed on the count for `LEAST_S`.
 The voltages cause the torque J u: J is the inertia, u (rad/s²) the acceleration that the profile
 predicts (`response`). Constant torques are unknown. With u smoothed over `SMOOTH_S`, the axis must
-therefore move if ½ (max J u − min J u) > `HOLDS_NM`.
+therefore move if ½ (max J u − min J u) > `HOLDS_NM` while it stays on the count.
 
 On the table, roll r can only rise. It must move if r̈ = u − T_g cos r/J, integrated twice with
 ṙ ≥ 0, exceeds `RISEN` (T_g: gravity torque, N·m). Rows at a stop, with the motors off or in the

@@ -59,8 +59,4 @@ def gaps(view: View) -> Iterable[Fault]:
     )  # fmt: skip
 
 
-CHECKS = (
-    Check(
-        "timing.gaps", Stage.CLOCK, "lost samples, or non-finite values", gaps
-    ),
-)
+CHECKS = (Check("timing.gaps", Stage.CLOCK, "lost samples, or non-finite values", gaps),)

@@ -87,7 +87,7 @@ def jumps(view: View) -> Iterable[Fault]:
 
 
 def _stood_from(view: View, i: int, k: int) -> int:
-    """Return the first row of the stretch up to row k in which axis number i stays on one count."""
+    """Return the first row from which axis number i stays on one count until row k."""
     moved = np.flatnonzero(np.diff(view.recording.angle[: k + 1, i]) != 0)
     return int(moved[-1]) + 1 if len(moved) else 0
 

@@ -11,8 +11,8 @@ The model of each angle q (rad) has a rotor lag τ (s), damping b, and gravity a
 
     q̈ = g u − g τ u̇ + Σ c_j x_j(q) − b q̇ + noise
 
-The equation is multiplied by φ(t) = (1 − (t/T)²)³, |t| < T, and integrated by parts, so that only φ
-is differentiated:
+The equation is multiplied by φ(t) = (1 − (t/T)²)³ in time windows |t| < T = `HALF_WIDTH_S`. It is
+integrated by parts, so that only φ is differentiated:
 
     ∫ φ̈ q = g ∫ φ u + g τ ∫ φ̇ u + Σ c_j ∫ φ x_j + b ∫ φ̇ q
 
@@ -135,7 +135,7 @@ def _evenly_sampled(
 
 
 class _Windows:
-    """For each window, the integral ∫ x φ dt of a signal x, or the same with φ̇ or φ̈.
+    """Integrals ∫ x φ dt of a signal x over each time window, or the same with φ̇ or φ̈.
 
     φ: test function, zero outside the window. x has n samples, ``dt`` s apart.
     """

@@ -91,7 +91,8 @@ def limit(view: View) -> Iterable[Fault]:
 def _reached_motors(view: View) -> bool:
     """Return True if voltages beyond the limit explain the motion better than limited ones.
 
-    The measure is the product of 1 − R² over the axes (R²: `Response.explained`).
+    The measure is the product of the unexplained shares 1 − R² over the axes; the smaller product
+    explains the motion better. R²: `Response.explained`.
     """
     with_limit = view.responses_to(limited(view.recording))
     ratios = [(1 - view.responses[a].explained) / (1 - x.explained) for a, x in with_limit.items()]

@@ -29,8 +29,8 @@ If no flights could be simulated, there are two further reasons (`conclusion.unk
 - It decreases the prediction error of no axis with a plausible inertia by more than the encoder's
   rounding. Backlash is exempt, because predictions hardly show it.
 
-A part of the rigid body's equations is exempt from the first, and may decrease the error of any
-axis.
+If the cause is a part of the rigid body's equations, the first reason does not apply, and a
+decrease of any axis' error suffices.
 
 Causes are dropped one at a time: first those that coloured noise or an encoder error explains, then
 the one with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed again.
@@ -105,7 +105,11 @@ class AdoptionResult:
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
 ) -> AdoptionResult:
-    """Adopt or drop each of the ``choices``; ``fit`` contains them all."""
+    """Return which of the causes ``choices`` are adopted, and which are dropped for what reason.
+
+    ``fit`` contains all of them. ``holdout``: held-out recordings; if there are none, the gains are
+    cross-validated.
+    """
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
@@ -157,7 +161,7 @@ def worsens(g: Gain, profile: Profile) -> bool:
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:
-    """Return each fit's results on ``holdout``, or by cross-validation if it is empty."""
+    """Evaluate each fit on the recordings ``holdout``; if there are none, by cross-validation."""
     return parallel_map(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 
@@ -198,13 +202,20 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
 
 def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
-    """Return whether a gain on held-out data suffices (one of the module's conditions 1 to 3)."""
+    """Return whether the gain ``g`` on held-out data suffices to adopt a cause.
+
+    It must meet one of the module's conditions 1 to 3. ``first``: True for the first cause.
+    """
     strong = first or choice.score >= SUFFICIENT
     return is_significant_gain(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
 
 
 def is_significant_gain(g: Gain) -> bool:
-    """Return whether a gain suffices whatever the cause's score: condition 1 or 3."""
+    """Return whether the gain ``g`` suffices to adopt a cause, whatever the cause's score.
+
+    It suffices if the increase Δℓ in the log-likelihood of held-out data is significant, or if
+    Δℓ > `LARGE_GAIN` and the prediction error of an axis decreases significantly.
+    """
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return gain_interval_positive(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
 
@@ -289,9 +300,10 @@ def log_likelihood_gain(g: Gain) -> float:
 def with_positive_torque(
     values: Mapping[str, tuple[float, float]],
 ) -> dict[str, tuple[float, float]]:
-    """Return a periodic torque's ``values`` with amplitude τ > 0; if τ < 0, the phase shifts by π.
+    """Return the ``values`` of a periodic torque with a positive amplitude and a phase in (−π, π].
 
-    The result has its phase in (−π, π].
+    A negative amplitude changes its sign, and π is added to the phase. ``values``: {parameter:
+    (value, standard deviation)}; those of other effects are returned unchanged.
     """
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():

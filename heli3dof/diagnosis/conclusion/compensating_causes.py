@@ -1,7 +1,7 @@
-"""Search for residual torques, and drop the causes that only compensate for one.
+"""Search for residual torques, and drop the causes that only compensate for such a torque.
 
-A cause only compensates for a torque if a formula of this torque explains the flight better than
-the cause does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
+A cause counts as compensating if a formula of the torque explains the flight better than the cause
+does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
 and adopted or dropped. The search is repeated until no further cause is removed.
 
 A remaining cause is marked "…-like" (unconfirmed) if one of these holds:
@@ -40,7 +40,7 @@ from heli3dof.recording.recording import Recording
 def search_residual_torques(
     setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
 ) -> AdoptionResult:
-    """Search the fit of ``start`` for residual torques; drop causes that only compensate for one.
+    """Search the fit of ``start`` for residual torques; drop causes that only compensate for them.
 
     ``flights``: number of flights simulated without residual torque, per search.
     """
@@ -124,7 +124,11 @@ def _adopted_again(
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings; the unconfirmed ones are marked "…-like"."""
+    """Return the findings; the unconfirmed ones are marked "…-like".
+
+    A finding is unconfirmed if its size in ``fit`` is `insignificant`, or if it does not
+    significantly improve the prediction of held-out data.
+    """
     small = insignificant(fit)
     return tuple(
         replace(f, unconfirmed=f.term.name in small or not gain_interval_positive(f.gain))
@@ -141,10 +145,10 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return ``residuals``, the first with a text ``resembles`` that names ``causes``.
+    """Return ``residuals``; the text ``resembles`` of the first one states which causes it is like.
 
-    The text, such as "motor.delay-like", names the first cause and those confounded with it. A text
-    that exists is kept.
+    The text, such as "motor.delay-like", names the first of ``causes`` and the causes confounded
+    with it. If the torque already has a text, this is kept.
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

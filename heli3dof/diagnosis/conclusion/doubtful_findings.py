@@ -3,9 +3,9 @@
 These findings are doubtful:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion: the model's errors in that
-   motion have the same period. f belongs to the motion if the spectral line at f has at least the
-   share `LEAST_SHARE` of the variance of x(t) on an axis. x are the references, or the angles if
-   no references were logged:
+   motion have the same period. f belongs to the motion if, on an axis, the spectral line at f
+   contains at least the share `LEAST_SHARE` of the variance of x(t). x is the reference, or the
+   angle if no references were logged:
 
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
 
@@ -117,7 +117,11 @@ def line_share(t: np.ndarray, x: np.ndarray, frequency_Hz: float) -> float:
 
 
 def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[str]:
-    """Return the terms that the recordings, each fitted alone, do not confirm."""
+    """Return the terms that the recordings, each fitted alone, do not confirm.
+
+    The sizes of such a term differ between recordings, or none is significant (`confirmed`). Terms
+    with a scanned frequency or instant are not tested.
+    """
     tested = [n for n in names if not term(n).effect.scan]
     if len(recordings) < 2 or not tested:
         return set()

@@ -1,25 +1,27 @@
 """Report causes that are confounded with a wrong encoder scale (counts per revolution).
 
 An encoder with scale error k reads y = rest + k (q − rest) at the angle q. rest is the angle at
-which counts start. Flights with this error look like flights of a rig with other inertias J (arm
-length L_a, thrust F; roll r, pitch p, yaw ψ):
+which counts start. A flight with this error looks like a flight without it, but with other inertias
+J. With roll r, pitch p, yaw ψ, arm length L_a and thrust F:
 
     yaw     ψ = y/k:  k L_a F cos r sin p = J_ψ ÿ, so an inertia J_ψ/k
     pitch   an inertia J_p/k; sin p ≈ y/k drives yaw, so also an inertia k J_ψ
     roll    an inertia J_r/k; y = 0 at q = rest (1 − 1/k), so an offset or a pendulum torque
 
-The flights differ only in products of rates and in higher terms of the sines. Let
-x = ln(J/J_nominal), and e = ln(1 + ε) for the profile's tolerance ε. δ is the roll offset found, or
-asin(τ/T_g) for a pendulum torque τ and the trim torque T_g. A finding is confounded with a scale if
-some plausible k explains all inertias:
+The two flights differ only in products of rates and in higher-order terms of the sines.
+
+Let x = ln(J/J_nominal) for a fitted inertia J, σ the standard deviation of x, ε the profile's
+tolerance and e = ln(1 + ε) + `SIGMAS_95` σ. δ is the roll offset found, or asin(τ/T_g) for a
+pendulum torque τ and the trim torque T_g. A finding is confounded with the scale error of an axis
+if k is within the bounds of the effect ``encoder.scale`` and meets the conditions in the row of the
+axis:
 
     yaw     ln k = −x_ψ
-    pitch   |x_p + ln k| ≤ e   and   |x_ψ − ln k| ≤ e
-    roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e
+    pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
+    roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e_r
 
-Each inequality allows `SIGMAS_95` standard deviations more. Without a finding, a scale error of yaw
-or pitch within the tolerance is not detectable. A scale error of roll is detectable if the roll
-offset rest (1 − 1/(1 + ε)) is.
+If there is no such finding, the recordings cannot show a scale error of yaw or pitch within the
+tolerance. They show one of roll if the roll offset rest (1 − 1/(1 + ε)) is detectable.
 """
 
 from __future__ import annotations
@@ -109,8 +111,9 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if the thrust gain K_f is one, all others are confounded with it.
+    """Return ``off``, with further confounded causes if the thrust gain K_f is off nominal.
 
+    K_f is then confounded with the inertias, and every other base parameter off nominal with K_f.
     Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
     """
@@ -148,9 +151,10 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether the first number of x equals ``shift`` within tolerance and noise.
+    """Return whether J/J_nominal of an inertia J is exp(``shift``), within tolerance and noise.
 
-    x: logarithm of the ratio of an inertia to its nominal value, and its standard deviation.
+    x: (ln(J/J_nominal), its standard deviation σ). The difference between ln(J/J_nominal) and
+    ``shift`` may be ln(1 + ``tolerance``) + `SIGMAS_95` σ.
     """
     value, std = x
     return abs(value - shift) <= math.log1p(tolerance) + SIGMAS_95 * std
@@ -159,7 +163,8 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
 def _zero_error(f: Finding, T_g: float) -> float:
     """Return the roll offset (rad) equivalent to a finding; NaN if there is no such offset.
 
-    ``T_g``: gravity torque of the level arm, N·m.
+    The finding is an encoder offset of roll or a pendulum torque. ``T_g``: gravity torque of the
+    level arm, N·m.
     """
     value = next(iter(f.values.values()))[0]
     if f.term.effect.name == "encoder.offset":

@@ -10,12 +10,12 @@ filter updates), ℓ_φ the one with the formula. With K formulas and the fit's 
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`
 
-The second summand is BIC for the causes' further parameters, the third the prior odds against
-one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
-controller is known, flights are also simulated, with the causes and with the formula. Those with
-the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If
-the controller is unknown, a formula in place of a single cause must improve held-out predictions:
-on its axis, their error must decrease by more than the encoder's rounding
+The second summand is BIC for the causes' further parameters, the third the prior odds against one
+formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the controller is
+known, flights are also simulated, with the causes and with the formula. The flights with the
+formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If the
+controller is unknown, a formula in place of a single cause must improve held-out predictions: on
+its axis, their error must decrease by more than the encoder's rounding
 (`conclusion.unknown_controller`).
 """
 
@@ -131,9 +131,10 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
-    """Compare ``causes``, taken together, with the best formula; margin −∞ if its fit fails.
+    """Return the comparison of ``causes``, taken together, with the best formula.
 
-    ``ln_causes``: the log-likelihood of ``fit``, which contains the causes.
+    Its ``margin`` is −∞ if the formula cannot be fitted. ``ln_causes``: the log-likelihood of
+    ``fit``, which contains the causes.
     """
     less = fit
     for name in causes:

@@ -23,8 +23,11 @@ tolerance.
 In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
 the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
 significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `SIGMAS_95`² are fitted in
-full, at most `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its
-fit puts all of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
+full, at most `MAX_FITS`. A term is confounded with the inertias off nominal if both hold:
+
+- Its BIC score (`selection.candidate_fits`) exceeds −`TIE`.
+- Its fit puts all these inertias within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal)
+  ≤ ln(1 + ε).
 """
 
 from __future__ import annotations
@@ -75,7 +78,10 @@ def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNo
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
-    """Return the last step whose fit has the same terms as ``fit``; without any, the last step."""
+    """Return the last step whose fit has the same terms as ``fit``.
+
+    If no step has these terms, the result is the last of all steps.
+    """
     names = {t.name for t in fit.structure.terms}
     same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)
     return next(same, steps[-1])
@@ -113,10 +119,10 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return the (least, most) size α of probe ``i`` that explains K_f, for each sign of α.
+        """Return ranges (least, most) of the size α of probe ``i``, at most one per sign of α.
 
-        In this range, parameters corrected for the effect give a K_f within the tolerance. A sign
-        without such sizes is left out.
+        With α in a range, the probe's effect alone explains a wrong K_f: the parameters corrected
+        for it give a K_f within the profile's tolerance.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
@@ -157,9 +163,10 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
 
 
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
-    """Return the fits of candidates that bring all inertias off nominal back within tolerance.
+    """Return the fits of candidates that may replace the deviations of all inertias off nominal.
 
-    The result is empty if no inertia is off nominal.
+    In such a fit, these inertias are within the profile's tolerance. The result is empty if no
+    inertia is off nominal.
     """
     off = [o.term.name for o in off_nominal(s.fit)]
     inertias = {n for n in off if n.startswith("inertia")}
@@ -171,14 +178,20 @@ def instead_of_inertia(s: Screening) -> list[CandidateFit]:
 
 
 def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
-    """Return at most `MAX_FITS` ranked, identifiable terms with Z² > `SIGMAS_95`², to fit."""
+    """Return the entries of `Screening.ranked` to fit as alternatives to a wrong inertia.
+
+    These are the first `MAX_FITS` identifiable terms with Z² > `SIGMAS_95`².
+    """
     hidden = s.not_identifiable
     shown = (r for r in s.ranked if r[1] > SIGMAS_95**2 and r[0].name not in hidden)
     return [r for r in shown if not r[0].effect.formal][:MAX_FITS]
 
 
 def are_within_tolerance(fit: Estimate, names: set[str]) -> bool:
-    """Return True if ``fit`` has the parameters of the findings ``names`` within tolerance."""
+    """Return True if base parameters of ``fit`` are all within the profile's tolerance.
+
+    ``names``: the parameters, by the names of their findings, such as ``inertia.roll``.
+    """
     tolerance = fit.structure.profile.tolerance
     named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
     return all(c.excess(tolerance) <= 0 for c in named)

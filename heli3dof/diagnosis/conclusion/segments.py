@@ -34,7 +34,7 @@ MIN_SCORE_SHARE = 0.5
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings; ``tied_with`` also names causes that the segments do not separate."""
+    """Return the findings; ``tied_with`` also names causes that flight segments do not separate."""
     adopted = {f.term.name for f in findings}
     return tuple(
         replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
@@ -43,9 +43,10 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice; ``tied_with`` also names causes that segments do not separate from it.
+    """Return the choice; ``tied_with`` also names candidates that Vuong's test does not separate.
 
-    The ``adopted`` causes are not compared.
+    The test compares log-likelihoods in segments of the flight. The ``adopted`` causes are not
+    tested.
     """
     best, *others = choice.candidates
     if best.term.effect.of_base:

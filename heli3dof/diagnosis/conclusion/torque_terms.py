@@ -1,9 +1,9 @@
 """Extend the model by terms for residual torques that improve predictions of held-out data.
 
 For each torque, the proposals are a formula and a curve (`unmodelled.torque_formula`). Each is
-fitted in full and bias-corrected. The first one that meets condition 1 or 3 of `adoption` is
-adopted. If none does, the torque is dropped. If none can be fitted, the torque stays without a
-term.
+fitted in full and bias-corrected. The first one with a significant gain on held-out data
+(`adoption.is_significant_gain`) is adopted. If none has such a gain, the torque is dropped. If none
+can be fitted, the torque is reported, but the model has no term for it.
 """
 
 from __future__ import annotations
@@ -47,9 +47,10 @@ def with_torques(
     setup: Setup, fit: CorrectedFit, after: HeldOut, torques: Sequence[ResidualTorque],
     holdout: Sequence[Recording],
 ) -> Extended:  # fmt: skip
-    """Return the fit with terms for the torques, if these terms improve held-out predictions.
+    """Return ``fit`` with a term for each torque whose term improves held-out predictions.
 
-    ``after``: results of ``fit`` on held-out data.
+    A torque whose terms do not is dropped. A torque for which no term can be fitted is kept
+    without one. ``after``: results of ``fit`` on held-out data.
     """
     kept = list[tuple[ResidualTorque, tuple[Proposal, Gain] | None]]()
     dropped = list[Dropped]()

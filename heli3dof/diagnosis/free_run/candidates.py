@@ -2,8 +2,9 @@
 
 r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
 (`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with dim scaled parameters z.
-z_0 and Λ are the prior's mean and precision, H = D Dᵀ + Λ. A probe (`screening.catalogue`) changes
-r by d (R,), which one simulation gives. With the fit's parameters projected out,
+z_0 and Λ are the prior's mean and precision, H = D Dᵀ + Λ. A probe is an effect of a trial size
+(`screening.catalogue`); it changes r by d (R,), which one simulation gives. With the fit's
+parameters projected out,
 
     v = d·d − (D d)ᵀ H⁻¹ D d                                   information
     u = −d·r + (D d)ᵀ H⁻¹ (D r + Λ (z − z_0))                  efficient score

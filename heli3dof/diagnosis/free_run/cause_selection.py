@@ -67,7 +67,10 @@ MOSTLY_PRIOR = "the recordings hardly determine its size: its interval is mostly
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
-    """Return the confidence level P (see the module) of a term; 1 without a null value or a σ."""
+    """Return the confidence level P at which a term's first parameter differs from its null value.
+
+    The module gives the equation. P is 1 if the parameter has no null value or no σ.
+    """
     distance = null_distance(fit, name)
     return 1.0 if distance is None else 2 * NORMAL.cdf(abs(distance.u)) - 1
 
@@ -83,7 +86,7 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
 
 
 def contradicted(result: Elimination, r: TermResult) -> str:
-    """Return why the recordings do not confirm the term ``r`` as a cause; empty if they do."""
+    """Return as text why the recordings do not confirm ``r`` as a cause; empty if they do."""
     if (d := null_distance(result.fit, r.term)) is not None and d.mostly_prior:
         return MOSTLY_PRIOR
     halves = compare_halves(result.halves, r.term)
@@ -177,7 +180,7 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 
 
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
-    """Yield the terms, except causes, of which all parameters are mostly their priors."""
+    """Yield the terms whose parameters are all determined mostly by their priors, except causes."""
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
         vague = [
@@ -247,7 +250,10 @@ def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
 
 
 def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
-    """Return the distance of a term's first parameter; None without a parameter or σ."""
+    """Return the distance of a term's first parameter from its null value (no effect).
+
+    The result is None if the term has no parameter, or if the parameter has no σ.
+    """
     j = first_parameters(fit.structure.free).get(name)
     if j is None:
         return None

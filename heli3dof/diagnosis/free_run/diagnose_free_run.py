@@ -10,8 +10,8 @@ Such logs have an unknown controller, and sampling jitter or unmodelled fast mot
 3. `free_run.free_run_gain` compares the base simulation with the full model on held-out recordings,
    or on blocks left out. In the same way it compares the full model with and without each cause.
 4. The full model is adopted if it predicts better. Otherwise the result is the base simulation.
-5. `free_run.unexplained` reports effects that remain. It also uses recordings that lack an angle,
-   which are not fitted.
+5. `free_run.unexplained` reports what the fitted model does not explain. It also uses recordings
+   that lack an angle, which are not fitted.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ PREDICTS_WORSE = (
 
 
 def can_be_fitted(recordings: Sequence[Recording]) -> bool:
-    """Return whether a recording with all three angles is long enough to fit 3 s predictions."""
+    """Return whether any recording has all three angles and suffices to fit 3 s predictions."""
     return bool(flights_to_fit(_all_angles(recordings)))
 
 

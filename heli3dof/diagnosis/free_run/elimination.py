@@ -161,8 +161,8 @@ def eliminate(
 def without_elimination(full: MultiStepFit) -> Elimination:
     """Return the result for the fit ``full`` without any elimination.
 
-    Instead of the cross-validated Δ, a term has the increase √(Σ ((θ − θ_0)/σ)²), a sum over its
-    parameters θ. θ_0 is the value without the effect.
+    The value √(Σ ((θ − θ_0)/σ)²) of each term replaces its cross-validated loss increase Δ. The sum
+    is over the term's parameters θ ± σ; θ_0 is the value without the effect.
     """
     each = [
         TermResult(t, LeaveOneOut(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
@@ -192,9 +192,10 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the increase of the held-out loss if the term ``added`` cancels the effect ``name``.
+    """Return the result for the effect ``name`` if the term ``added`` cancels it.
 
-    For example, ``base.hover`` (the linear model) cancels ``geometry``.
+    It contains the increase of the held-out loss. For example, ``base.hover`` (the linear model)
+    cancels ``geometry``.
     """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
@@ -239,7 +240,7 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the other terms with a parameter correlated with one of the term ``name``.
+    """Return the other terms with a parameter correlated with a parameter of the term ``name``.
 
     Two parameters count as correlated if their |correlation| exceeds `CORRELATED`.
     """
@@ -256,10 +257,10 @@ def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
 def without_term(
     current: FitWithFolds, name: str, *, seed: int, instead: str | None = None
 ) -> LeaveOneOut:
-    """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
+    """Return the result of leaving out term ``name``, or of replacing it by term ``instead``.
 
-    The trial contains the increase of the held-out loss. Each fold is left out of the fit once, or
-    each recording if the term varies by recording and there are several.
+    The result contains the increase of the held-out loss. Each fold is held out once. If the term
+    varies by recording and there are several recordings, each recording is held out instead.
     """
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:

@@ -58,7 +58,10 @@ class FitWithFolds:
         return self._without_recording[i]
 
     def without_term(self, name: str, fits: Sequence[MultiStepFit] = ()) -> FitWithFolds:
-        """Return all fits without a term; ``fits``: the folds' fits without it, if they exist."""
+        """Return the fits to all windows and for each fold, refitted without the term ``name``.
+
+        ``fits``: the refits for the folds, if they exist already.
+        """
         each = list(fits) or parallel_map(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
         whole = refit(self.fit, name)

@@ -33,10 +33,10 @@ DRAWS = 500
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
-    """Return at most one residual torque per axis, by falling share (see the module).
+    """Return at most one residual torque per axis, by falling share of the variance it explains.
 
-    ``score``: share × number of spans. ``confidence``: fraction of the bootstrap samples with a
-    positive share.
+    The module defines this share on test spans. ``score``: share × number of spans. ``confidence``:
+    fraction of the bootstrap samples with a positive share.
     """
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]

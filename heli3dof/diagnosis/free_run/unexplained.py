@@ -210,7 +210,7 @@ def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
 
 
 def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object of the run if the arm creeps or is not where the model predicts."""
+    """Yield a JSON object if the arm creeps at constant voltage or is not at the model's roll."""
     c = measure_creep(fit, recording)
     if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < LEAST_ERROR_DEG):
         return
@@ -230,7 +230,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object that states if one rise of thrust or voltage explains all ``runs``."""
+    """Yield a JSON object: whether one rise of thrust or of voltage explains all ``runs``."""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

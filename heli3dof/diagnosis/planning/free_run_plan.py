@@ -6,12 +6,12 @@ simulated on the fitted model with noise, encoders and the default controller. T
 flight, with the scales of the real fit, have derivatives D_p. Some parameters have a value of their
 own in each recording. The prior couples the new recording's values b to the common ones by Λ_b:
 
-    H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
+    H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag [(H_now + A − B C⁻¹ Bᵀ)⁻¹]
 
-A is the block of the common parameters, C that of b. C_now is the present covariance of the common
-parameters. An open parameter θ was not confirmed by the recordings, so only the information of the
-new flight counts. θ_0 is the value of θ without the effect. The expected significance u of θ in the
-new flight, and the probability P that θ is significant there, are
+A is the block of the common parameters, C that of b. H_now is the recordings' information on the
+common parameters. An open parameter θ was not confirmed by the recordings, so only the information
+of the new flight counts. θ_0 is the value of θ without the effect. The expected significance u of θ
+in the new flight, and the probability P that θ is significant there, are
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 
@@ -48,7 +48,9 @@ from heli3dof.parallel import parallel_map
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """The parameter of an undecided term: the first without a log scale, shared by all recordings.
+    """The parameter that represents an undecided term in the comparison of plans.
+
+    It is the term's first parameter that all recordings share and that has no logarithmic scale.
 
     ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
     ``index``: of the scaled parameter; ``slope``: derivative of the value by the scaled one.
@@ -67,7 +69,7 @@ class OpenParameter:
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
-    """Return one parameter of each undecided term that a plan can determine (≤ `MAX_COMPARED`)."""
+    """Return at most `MAX_COMPARED` parameters; each represents an undecided term."""
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):

@@ -4,11 +4,12 @@ Each cause i in turn is taken as the truth, with its estimated size. Every plan 
 model in closed loop, with noise and encoders. The score test (`screening.score_test`) gives the
 score of each cause j. z_j is this score minus that on a flight simulated without these causes:
 
-    margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i,      rank by margin / duration
+    margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i
 
-For a single cause, margin = z². z² is twice the increase in log-likelihood by a cause, so between
-two simple hypotheses a margin m has the distribution N(m, 4 m). The mean probability of m > `TIE`
-is
+For a single cause, margin = z². Plans are ranked by margin/duration. z² is twice the increase in
+log-likelihood by a cause. So for two simple hypotheses with the expected margin m, the margin of a
+real flight has the distribution N(m, 4 m). It exceeds `TIE` with the probability, averaged over the
+causes,
 
     certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
 """
@@ -61,9 +62,10 @@ def fitted_cause(candidate: CandidateFit) -> Probe:
 
 
 def typical_cause(name: str) -> Probe:
-    """Return the term ``name`` at its start value, or at its typical size if it has none.
+    """Return the term ``name`` with its first parameter at the start value.
 
-    The size is negative if the upper bound excludes a positive one.
+    Without a start value, the parameter has its typical size. This is negative if the upper bound
+    excludes a positive size.
     """
     t = term(name)
     first, *rest = t.effect.parameters

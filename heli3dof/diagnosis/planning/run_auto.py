@@ -6,8 +6,7 @@
 The run also ends in two other cases:
 
 - The recommended plan exceeds the remaining budget.
-- The recommended plan was flown before, and is to show a single cause: it did not show this cause
-  the first time.
+- The recommended plan should show a single cause, but was flown before and did not show it.
 """
 
 from __future__ import annotations

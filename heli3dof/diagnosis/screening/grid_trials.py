@@ -86,7 +86,10 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the trial's Δℓ exceeds that of every null flight by `MIN_TRIAL_GAIN`."""
+    """Return True if the trial's Δℓ exceeds that in every simulated flight by `MIN_TRIAL_GAIN`.
+
+    Δℓ is the gain in log-likelihood by the trial's term. ``nulls``: flights simulated without it.
+    """
     ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 
     def one(b: int) -> float:
@@ -120,8 +123,9 @@ def fit_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the start of a fit with ``term``: parameters (n + m,) and ``noise`` (4,).
 
-    ``theta`` (n,): current fit; m: number of the term's parameters. The first round evaluates
-    every other grid value, the second the neighbours of the best one.
+    ``theta`` (n,): current fit; m: number of the term's parameters. The term's first parameter is
+    the best value on its grid. A first search evaluates every other grid value, a second search the
+    neighbours of the best one.
     """
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.scaled(f.start) for f in new]])

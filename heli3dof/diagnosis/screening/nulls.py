@@ -24,9 +24,9 @@ inflation κ, and the threshold is twice Bonferroni's for a normal distribution.
 
 **Gumbel distribution**, fitted to maxima by the method of moments:
 
-    P(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s/π,     μ = x̄ − γ β
+    P(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s_x/π,     μ = x̄ − γ β
 
-x̄ and s are mean and standard deviation of the maxima, γ is Euler's constant. A share α of all
+x̄ and s_x are mean and standard deviation of the maxima x, γ is Euler's constant. A share α of all
 maxima exceeds μ + k β with k = −ln(−ln(1 − α)).
 """
 
@@ -112,9 +112,10 @@ def simulated_nulls(
     flights: int,
     seed: int,
 ) -> tuple[Nulls, np.ndarray]:
-    """Return the distribution of z in B = ``flights`` simulations, and their ∂ℓ/∂θ (B, n).
+    """Return the distribution of the scores z in simulated flights, and each flight's ∂ℓ/∂θ (B, n).
 
-    ℓ is the log-likelihood, θ the fit's scaled parameters. The controller must be known.
+    B = ``flights`` is the number of flights. ℓ is the log-likelihood, θ (n,) the fit's scaled
+    parameters. The controller must be known.
     """
     problem, o = fit.problem, fit.optimum
     model = model_at(problem, o.theta, o.noise)

@@ -105,7 +105,10 @@ class Screen:
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ of two probes' traces, the fit's parameters projected out."""
+        """Return the correlation ρ of the changes of predicted readings by probes ``a`` and ``b``.
+
+        The fit's parameters are projected out.
+        """
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))

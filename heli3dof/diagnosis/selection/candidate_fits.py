@@ -3,13 +3,16 @@
 The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). With
 the nulls' variance inflation κ and N filter updates, the score of a term with m parameters is BIC's
 
-    score = 2 Δℓ_c/κ − m ln N
+    score = 2 Δℓ_c/κ − m ln N          m = 0 for a part of the rigid body's equations
 
 A screened term starts at its probe with the largest Z² (`screening.screening`). If the fit is worse
 than the current one, it is repeated from a size near zero. A term that the score test cannot
-detect starts from its grid (`screening.grid_trials`). For a periodic torque, R recordings are
-shifted in time to one phase (`screening.scans`), unless the current fit has a phase or an instant;
-the R − 1 shifts count as parameters.
+detect starts from its grid (`screening.grid_trials`).
+
+A periodic torque may have another phase in each of R recordings. So the recordings are shifted in
+time until the torque has one phase in all (`screening.scans`). The R − 1 shifts count as
+parameters. Nothing is shifted if the current fit already contains a parameter that differs by
+recording: the phase of a periodic torque or the instant of a mass change.
 """
 
 from __future__ import annotations
@@ -73,9 +76,10 @@ def fit_candidates(
     backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
     def scored(term: Term, fit: Optimum, shifts: int = 0) -> float | None:
-        """Return the score of ``fit``; None if it diverged or ended at a bound.
+        """Return the score of ``fit``, which contains ``term``.
 
-        ``shifts``: number of fitted time shifts.
+        The score is None if the fit diverged or ended at a bound. ``shifts``: number of fitted time
+        shifts of recordings.
         """
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
@@ -146,10 +150,10 @@ def fit_candidates(
 
 
 def correction_starts(optimum: Optimum, current: CorrectedFit | None) -> list[Start]:
-    """Return where the bias correction of an optimum starts: at the optimum, then elsewhere.
+    """Return the starts of an optimum's bias correction: the optimum, and one near ``current``.
 
-    The second start has the parameters and noise of the ``current`` fit. Terms that it lacks have
-    the sizes of the optimum.
+    The second start has the parameters and noise of the fit ``current``. Terms that it lacks have
+    the sizes of the optimum. Without ``current`` there is no second start.
     """
     starts = [(optimum.theta, optimum.noise)]
     if current is not None:

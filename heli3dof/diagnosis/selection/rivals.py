@@ -2,17 +2,18 @@
 
 Encoders on a limit cycle make the score bias large, and its linear correction
 (`bias_correction.corrected_maximum`) too inaccurate to rank causes. This test needs no such
-correction. Each rival k is fitted (`bias_correction.correction`). The recordings, and B flights
-simulated from each rival, give differences of log-likelihoods d_jk = ℓ_j − ℓ_k. Under rival k they
-have mean m_k and standard deviation s_k. With Student's density t of B − 1 degrees of freedom,
+correction. The causes to compare (rivals k) are fitted (`bias_correction.correction`). The
+recordings, and B flights simulated from each rival, give differences of log-likelihoods
+d_jk = ℓ_j − ℓ_k. Under rival k they have mean m_k and standard deviation s_k. With Student's
+density t of B − 1 degrees of freedom,
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-z̄ is a rival's mean score over the nulls, κ their inflation. If the score bias of a rival is large
-(|z̄|/√κ > `SIGMAS_99`), the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj <
-`TIE` are confounded with it. The confidence in k is at most the `certainty` that follows from the
-smallest W_kj of the other rivals. If no score bias is large, the scores decide, and nothing is
-simulated.
+z̄ is the mean of a rival's score-test statistic z over the nulls, κ their variance inflation. If
+this bias is large for a rival (|z̄|/√κ > `SIGMAS_99`), the rival k with the largest min_j W_kj is
+the cause. Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most the
+`certainty` that follows from the smallest W_kj of the other rivals. If no bias is large, the BIC
+scores decide (`selection.select`), and nothing is simulated.
 """
 
 from __future__ import annotations
@@ -48,9 +49,10 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that scores cannot rank, the chosen cause first; [] if scores can.
+    """Return the candidates that scores cannot rank, the chosen cause first.
 
-    Terms that the score test cannot detect have no score bias and are not among them.
+    The list is empty if scores can rank them. Terms that the score test cannot detect have no score
+    bias and are not among them.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
@@ -63,7 +65,11 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
-    """Return |z̄|/√κ, the bias of the score over its scatter, of each candidate with a score."""
+    """Return |z̄|/√κ, the bias of the score test relative to its scatter, for each candidate.
+
+    z̄ is the mean of the candidate's z over the nulls, κ their variance inflation. Candidates that
+    the score test cannot detect are omitted.
+    """
     at = [c.probe for c in candidates if c.probe is not None]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
@@ -74,8 +80,9 @@ def compared_by_simulation(
 ) -> Choice:  # fmt: skip
     """Return the choice, revised by simulated flights if scores cannot rank it and its rivals.
 
-    ``current``: the fit to which the cause is added. ``flights_per_round``: of the bias
-    correction. A rival whose correction diverges cannot be simulated, so it is not the cause.
+    ``current``: the fit to which the cause is added. ``flights_per_round``: flights that each round
+    of the bias correction simulates. A rival whose correction diverges cannot be simulated, so it
+    is not the cause.
     """
     compared = rivals(choice, nulls)
     fits = [

@@ -1,17 +1,17 @@
-"""Choose the next cause of a step from the screen and the full fits, or none.
+"""Choose the next cause of a step from the score test and the full fits, or none.
 
-The screen's Z² shows whether any effect is present; full fits (`selection.candidate_fits`) show
-which one, by their score: BIC for the bias-corrected log-likelihood. The current fit, without a
-further cause, has the score 0.
+Z² of the score test shows whether any effect is present; full fits (`selection.candidate_fits`)
+show which one, by their score: BIC for the bias-corrected log-likelihood. The current fit, without
+a further cause, has the score 0.
 
 Two candidates are **confounded** if their scores differ by less than (`tie_margin`)
 
     max(`TIE`, `FORMULA_ERROR` · score) + 2 √score · `DRIFT` |z̄|/√κ · √(2 (1 − |ρ|))
 
-score is the better candidate's score. z̄ is the larger of their probes' mean scores over the nulls,
-κ the nulls' inflation. ρ is the correlation of the probes' traces, with the base parameters
-projected out. The last summand, for single probes only, is the error of the bias correction: z̄ was
-simulated without the cause. The rules (`best_choice`):
+score is the better candidate's score. z̄ is the larger of the means of their probes' z over the
+nulls, κ the nulls' variance inflation. ρ is the correlation of the probes' traces, with the base
+parameters projected out. The last summand, for single probes only, is the error of the bias
+correction: z̄ was simulated without the cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
 2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.threshold_of`). In addition, it

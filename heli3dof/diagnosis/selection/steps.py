@@ -57,7 +57,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return trials of ``untested`` terms that meet both rules of `screening.grid_trials`."""
+        """Return trials of ``untested`` terms that justify full fits (`screening.grid_trials`)."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:
@@ -183,11 +183,12 @@ def with_forms(
 def bias_corrected(
     setup: Setup, problem: Likelihood, optimum: Optimum, current: CorrectedFit | None = None
 ) -> CorrectedFit:
-    """Return the bias-corrected fit near an optimum; only refitted if the controller is unknown.
+    """Return the fit near an optimum, bias-corrected if the controller is known.
 
     ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
-    On a limit cycle, the fit also uses edge rates (how often encoder counts change), if its scores
-    then scatter less. The inertias have a narrow prior if one is implausible without it.
+    On a limit cycle, a second fit also uses edge rates (how often encoder counts change). Of both
+    fits, the one with the smaller `unexplained_scatter` is returned. The inertias have a narrow
+    prior if one is implausible without it.
     """
     return with_plausible_inertias(problem, lambda p: _corrected(setup, p, optimum, current))
 

@@ -155,9 +155,9 @@ def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray)
 def along(
     problem: Likelihood, theta: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the model's derivatives A and B, slopes and accelerations, as in `LinearisedRun`.
+    """Return A, B, the readings' slopes and the accelerations in the states X (N, 6).
 
-    ``theta`` (n,): parameters; X (N, 6): states.
+    They are as in `LinearisedRun`, for the model with the parameters ``theta`` (n,).
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import linear
 

@@ -168,9 +168,10 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return (P, E): changes of the E innovations that a torque 1 · φ on an axis causes.
+    """Return the changes (P, E) of the E innovations by each of P torques c φ on an axis.
 
-    ``axis``: index of the axis; ``products``: the formulas of φ, such as ``roll_rate*sin(pitch)``.
+    c is 1 in SI units. ``axis``: index of the axis; ``products``: formulas of the P products φ,
+    such as ``roll_rate*sin(pitch)``.
     """
     p, flight = x.path, x.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
@@ -193,7 +194,8 @@ def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def spline_score(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
     """Return the test statistic S and rank r of a piecewise linear torque of ``variable``.
 
-    S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or without information.
+    S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or if the flight contains no
+    information about the torque.
     """
     flight = x.flight
     library = hats(flight, np.array([axis]))

@@ -1,4 +1,4 @@
-"""Evaluate a fit on data that were not used to estimate it, phases and instants aside.
+"""Evaluate a fit on data that were not used to estimate it, except as in 3 to 5 below.
 
 Without hold-out recordings, this is cross-validation: each block b of the training recordings and
 `PURGE_S` on either side are left out. A Gauss-Newton step from the fit θ̂ gives the parameters

@@ -119,7 +119,7 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
 
 def interval(draws: np.ndarray) -> tuple[float, float]:
-    """Return the interval with the share `LEVEL` of bootstrap ``draws``; NaN is ignored."""
+    """Return the interval that contains the share `LEVEL` of bootstrap ``draws``, without NaN."""
     tail = 50 * (1 - LEVEL)
     low, high = np.nanpercentile(draws, [tail, 100 - tail])
     return float(low), float(high)

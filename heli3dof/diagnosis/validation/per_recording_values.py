@@ -1,9 +1,9 @@
 """Estimate the parameters that differ between recordings: phases and instants.
 
 A periodic torque has the same amplitude and frequency in every recording of a rig, but not the same
-phase φ; a mass is added at another instant t_m. In recordings that were not fitted, φ or t_m is the
-value that maximises the log-likelihood ℓ there; all other parameters stay as they are. Several
-phases and instants are estimated one after another.
+phase φ. A mass is added at a different instant t_m in each. In recordings that were not fitted, φ
+or t_m is the value that maximises the log-likelihood ℓ there; all other parameters stay as they
+are. Several phases and instants are estimated one after another.
 
 For a torque proportional to sin(2π f t + φ), ℓ is nearly a quadratic function of cos φ and sin φ:
 
@@ -83,7 +83,7 @@ def best_phase(loglik: Callable[[float], float]) -> float:
 
 
 def best_instant(loglik: Callable[[float], float], first: float, last: float) -> float:
-    """Return the instant (s) that maximises ``loglik``, between just before first and after last.
+    """Return the instant (s) that maximises ``loglik``, searched from before first to after last.
 
     >>> round(best_instant(lambda t: -abs(t - 7.3), 0.0, 20.0), 1)
     7.3

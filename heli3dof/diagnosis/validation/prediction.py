@@ -69,7 +69,10 @@ def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelih
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return (4,): process noise of 3 axes (`NOISE` where the model has none), sampling jitter."""
+    """Return (4,): process noise of 3 axes in rad/s²/√Hz, sampling jitter in s.
+
+    The process noise is `NOISE` on axes where the model has none.
+    """
     return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
 
