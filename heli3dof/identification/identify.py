@@ -152,12 +152,12 @@ def recording_warnings(prepared: Prepared) -> list[str]:
     """Return warnings of a wrong log rate, jitter, lost samples and voltages at their limit."""
     out = []
     for r in prepared.reports:
-        c = r.clock
-        if abs(c.period_s / c.nominal_s - 1) > 0.01:
+        c = r.timing
+        if abs(c.period_s / r.control_period_s - 1) > 0.01:
             out.append(
                 f"{r.name} was logged every {c.period_s * 1e3:.4g} ms, its loop ran every "
-                f"{c.nominal_s * 1e3:.4g} ms: voltages between samples are unknown, which biases "
-                "the rotor lag most. Log at the control rate."
+                f"{r.control_period_s * 1e3:.4g} ms: voltages between samples are unknown, which "
+                "biases the rotor lag most. Log at the control rate."
             )
         if c.jitter_s > 0.05 * c.period_s:
             out.append(

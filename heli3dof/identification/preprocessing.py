@@ -27,7 +27,8 @@ from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.identification.row_selection import REASONS, clipped, runs_of, unusable
 from heli3dof.model.estimation.filter_data import LOST, RowRange
-from heli3dof.recording.gap_filling import GAP, fill_gaps
+from heli3dof.recording.gap_filling import fill_gaps
+from heli3dof.recording.logs.log_validation import Timing, timing
 from heli3dof.recording.recording import Recording
 
 MIN_SAMPLES = 3
@@ -35,23 +36,6 @@ MIN_SAMPLES = 3
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
 HELD_OUT_SHARE = 0.25
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Sample interval, jitter and lost samples of a recording, computed from its time stamps."""
-
-    period_s: float
-    """Median sample interval in s"""
-    nominal_s: float
-    """Control period in s, from the rig's profile"""
-    jitter_s: float
-    """Standard deviation of the sample intervals in s, gaps (lost samples) excluded"""
-    gaps: int
-    lost_share: float
-    """Share of samples that are missing from the recording"""
-    long_gaps: int = 0
-    """Number of gaps that are too long to be interpolated."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +48,11 @@ class RecordingReport:
 
     name: str
     seconds: float
-    clock: Clock
+    timing: Timing
+    control_period_s: float
+    """s, from the rig's profile"""
+    long_gaps: int
+    """Number of gaps that are too long to be interpolated"""
     left_out: dict[str, float]
     """Reason for leaving rows out → share of rows. If a row has several, the first one counts."""
     usable_share: float
@@ -72,15 +60,15 @@ class RecordingReport:
     segments: int
 
     def to_json(self) -> dict[str, Any]:
-        c = self.clock
+        c = self.timing
         return {
             "recording": self.name,
             "duration_s": self.seconds,
             "period_s": c.period_s,
-            "control_period_s": c.nominal_s,
+            "control_period_s": self.control_period_s,
             "jitter_s": c.jitter_s,
             "gaps": c.gaps,
-            "long_gaps": c.long_gaps,
+            "long_gaps": self.long_gaps,
             "lost_share": c.lost_share,
             "usable_share": self.usable_share,
             "left_out_share": self.left_out,
@@ -90,15 +78,15 @@ class RecordingReport:
 
     def sentences(self) -> list[str]:
         """Return the statistics and the shares of rows as lines of text."""
-        c = self.clock
+        c = self.timing
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
             f"(jitter {c.jitter_s * 1e6:.0f} µs, {c.gaps} gaps, {100 * c.lost_share:.2g} % lost)"
         ]
-        if abs(c.period_s / c.nominal_s - 1) > 0.01:
+        if abs(c.period_s / self.control_period_s - 1) > 0.01:
             out.append(
-                f"  the profile's period is {c.nominal_s * 1e3:.4g} ms: the log was not written at "
-                "the control rate, so voltages between its samples are unknown"
+                f"  the profile's period is {self.control_period_s * 1e3:.4g} ms: the log was not "
+                "written at the control rate, so voltages between its samples are unknown"
             )
         reasons = ", ".join(f"{r} {100 * s:.1f} %" for r, s in self.left_out.items() if s > 0)
         out.append(
@@ -124,8 +112,8 @@ class Prepared:
     """A sentence for the report on how the held-out data were chosen"""
 
 
-def check_clock(recording: Recording) -> Clock:
-    """Return statistics of a recording's time stamps.
+def checked_timing(recording: Recording) -> Timing:
+    """Return the statistics of a recording's time stamps.
 
     Raises RecordingError if the time stamps do not increase or are fewer than `MIN_SAMPLES`.
     """
@@ -145,13 +133,7 @@ def check_clock(recording: Recording) -> Clock:
             cause="two logs joined together, rounded time stamps, or a clock that was set back.",
             fix="heli3dof import the log again, with one flight per file",
         )
-    period = float(np.median(d))
-    gap = d > GAP * period
-    lost = float(np.maximum(np.round(d[gap] / period) - 1, 0).sum())
-    return Clock(
-        period, recording.profile.dt, float(d[~gap].std()), int(gap.sum()), lost / (len(t) + lost),
-        int((d > LOST * period).sum()),
-    )  # fmt: skip
+    return timing(t)
 
 
 def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = ()) -> Prepared:
@@ -244,7 +226,7 @@ def _check_content(recording: Recording) -> None:
 
 
 def _usable_runs(recording: Recording, source: int) -> tuple[list[RowRange], RecordingReport]:
-    clock = check_clock(recording)
+    clock = checked_timing(recording)
     masks = unusable(recording)
     n = len(recording)
     bad = np.zeros(n, dtype=bool)
@@ -257,8 +239,9 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[RowRange], Rec
     used = sum(r.stop - r.start for r in found) / n
     clip = float((clipped(recording) & ~bad).mean())
     report = RecordingReport(
-        recording.name, recording.duration, clock, left_out, used, clip, len(found)
-    )
+        recording.name, recording.duration, clock, recording.profile.dt,
+        int((np.diff(recording.t) > LOST * period).sum()), left_out, used, clip, len(found),
+    )  # fmt: skip
     return found, report
 
 

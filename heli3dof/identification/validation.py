@@ -145,7 +145,7 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
         r = prepared.recordings[i]
         if reason := why_not_replayed(r):
             return f"not available: {r.name}: {reason}"
-        if prepared.reports[i].clock.long_gaps:
+        if prepared.reports[i].long_gaps:
             return f"not available: {r.name} has long gaps, so references are missing"
         if abs(r.dt / r.profile.dt - 1) > 0.01:
             return f"not available: {r.name} was not logged at the control rate"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.preprocessing import check_clock, prepare, segments
+from heli3dof.identification.preprocessing import checked_timing, prepare, segments
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
@@ -49,9 +49,9 @@ def test_a_long_gap_ends_a_segment() -> None:
         (4000, 7462),
         (7462, 9950),
     ]
-    clock = p.reports[0].clock
-    assert clock.gaps == clock.long_gaps == 1
-    assert clock.lost_share == pytest.approx(50 / 10_000)
+    report = p.reports[0]
+    assert report.timing.gaps == report.long_gaps == 1
+    assert report.timing.lost_share == pytest.approx(50 / 10_000)
 
 
 def test_a_lost_sample_ends_no_run() -> None:
@@ -60,8 +60,8 @@ def test_a_lost_sample_ends_no_run() -> None:
     rec = whole.rows(np.delete(np.arange(10_000), lost))
     p = prepare([rec])
     assert len(p.train) == len(p.held_out) == 1
-    assert p.reports[0].clock.gaps == len(lost)
-    assert p.reports[0].clock.long_gaps == 0
+    assert p.reports[0].timing.gaps == len(lost)
+    assert p.reports[0].long_gaps == 0
 
 
 def test_across_lost_samples_voltage_is_held_and_angle_interpolated() -> None:
@@ -83,10 +83,10 @@ def test_across_lost_samples_voltage_is_held_and_angle_interpolated() -> None:
     np.testing.assert_allclose(u[19], true_u[19], rtol=1e-9)
 
 
-def test_check_clock_measures_period_and_jitter() -> None:
+def test_the_timing_has_period_and_jitter() -> None:
     rng = np.random.default_rng(1)
     t = np.arange(5000) * DT + 1e-4 * rng.uniform(-1, 1, 5000)
-    clock = check_clock(flying(t=t, n=5000))
+    clock = checked_timing(flying(t=t, n=5000))
     assert clock.period_s == pytest.approx(DT, rel=0.02)
     # the difference of two uniform errors of ±0.1 ms: √2 · 0.1/√3 = 0.0816 ms
     assert clock.jitter_s == pytest.approx(0.0816e-3, rel=0.05)

@@ -93,7 +93,7 @@ def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     has_bounds = not brief and any(np.isfinite(p.bound) for p in shown.values())
     if brief:
         names = [n for n in dict.fromkeys(map(_short, absent)) if n not in map(_short, shown)]
-        notes = [f"Not distinguishable from zero: {', '.join(names)}."] * bool(names)
+        notes = [f"Not significant: {', '.join(names)}."] * bool(names)
     else:
         bound = "; bound: the Cramér–Rao bound on it, for encoders with white rounding noise"
         notes = [f"σ: standard deviation{bound if has_bounds else ''}."]
