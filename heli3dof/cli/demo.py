@@ -1,4 +1,4 @@
-"""``heli3dof demo``: flight, identification, comparison, diagnosis, report; no hardware."""
+"""``heli3dof demo``: flight, identification, comparison and diagnosis on an emulated rig."""
 
 from __future__ import annotations
 

@@ -15,8 +15,8 @@ fault is reported only if its score exceeds that of a rig without fault by `SURE
 fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
 of `WINDOWS_S`, up to 1.6 s.
 
-One fault needs no fit: if roll reads lower than its angle on the table while both motors have
-positive voltages, the roll encoder counts the wrong way.
+One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
+have positive voltages, the roll encoder counts the wrong way.
 """
 
 from __future__ import annotations

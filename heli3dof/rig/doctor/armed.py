@@ -143,7 +143,7 @@ CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check, which arms ``rig``; yield the results, and stop the rig at the end."""
+    """Run the checks, which arm ``rig``; yield their results, and stop the rig at the end."""
     armed = Armed(rig, profile)
     for check in checks_of(GROUP):
         yield check(armed)

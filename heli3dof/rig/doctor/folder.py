@@ -22,7 +22,7 @@ SLOW_S = 0.3
 
 
 def free_space(folder: Path) -> Check:
-    """Return a `Check` that the disk of ``folder`` has `LEAST_FREE_BYTES` bytes free."""
+    """Return a `Check` that the disk of ``folder`` has at least `LEAST_FREE_BYTES` free."""
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"

@@ -49,7 +49,7 @@ def clock(profile: Profile) -> Check:
 def wake_up(profile: Profile) -> Check:
     """Return a `Check` that this process wakes up on time, once in each control period.
 
-    Of the deadlines in `WAKE_SECONDS` s, it may meet at most 0.1 % later than `LATE_S` s.
+    It passes if at most 0.1 % of the wake-ups in `WAKE_SECONDS` s are more than `LATE_S` s late.
     """
     dt = profile.dt
     n = max(10, round(WAKE_SECONDS / dt))
