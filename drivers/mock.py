@@ -76,8 +76,9 @@ class MockDriver:
 def own_profile(options: RigOptions, profile: Profile) -> Profile:
     """Return the emulated rig's profile.
 
-    With the URL option ``exercise=`` this is the default profile; with ``profile=`` the profile
-    that the option names; otherwise ``profile``.
+    - With the URL option ``exercise=``: the default profile.
+    - Else with the URL option ``profile=``: the profile that the option names.
+    - Else: the argument ``profile``.
     """
     if options.exercise is not None:
         from heli3dof.rig.profile import default_profile

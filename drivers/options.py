@@ -28,7 +28,7 @@ def _speed(value: Any) -> float:
 
 
 class RigOptions(UrlOptions):
-    """URL options that describe an emulated rig, the same on every emulated connection."""
+    """URL options that describe an emulated rig, valid for every driver of emulated rigs."""
 
     profile: str | None = Field(default=None, description="the rig's own profile, a TOML file")
     hide: tuple[str, ...] = Field(

@@ -29,9 +29,10 @@ def expected(what: str) -> PydanticCustomError:
 
 
 class UrlOptions(BaseModel):
-    """Base class of the URL options. A field with a description is an option, after the ``?``.
+    """Base class of the URL options. Each field with a description is an option of the URL.
 
-    A field without a description is read from the part of the URL before the ``?``.
+    Options follow the ``?`` of the URL. A field without a description is read from the part before
+    the ``?``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

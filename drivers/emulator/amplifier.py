@@ -132,7 +132,8 @@ class Amplifier:
     def mean_V(self, now_us: int) -> tuple[float, float]:
         """Return the mean output (front, back) in V up to ``now_us`` (µs).
 
-        The average starts at the last call or the last arming, whichever is later.
+        The average starts at the previous call of this method or at the last arming, whichever is
+        later.
         """
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)

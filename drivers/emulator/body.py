@@ -124,7 +124,7 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 class Setup:
     """An emulated rig before it runs: body, initial angles, mechanical stops, sampling errors.
 
-    `Effect.setup` may change any of these.
+    The sampling errors are jitter and lost samples. `Effect.setup` may change any field.
     """
 
     body: Body

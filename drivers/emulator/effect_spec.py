@@ -18,7 +18,7 @@ from .effects import Effect, Hidden, catalogue
 def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
     """Return the effects in ``texts``, values of ``hide=``, in the order in which they act.
 
-    Raises UsageError for an unknown effect or axis (naming the nearest) and a repeated effect, also
+    Raises UsageError for an unknown effect or axis (naming the nearest), for a repeated effect, and
     for a missing, superfluous or out-of-range value.
     """
     hidden: list[Hidden] = []

@@ -42,7 +42,7 @@ MEMORY_SIZE = 1024
 
 
 class Stage(enum.IntEnum):
-    """The points of an integration substep at which the plant calls effects.
+    """The points of the simulation at which the plant calls effects.
 
     Each point defines the meaning of the array ``out``, which the effects change.
     """

@@ -320,9 +320,10 @@ def parse(piece: bytes) -> Frame | None:
 
 
 def command(number: int, front_uV: int, back_uV: int) -> bytes:
-    """Return the bytes of a command frame to send; for the control loop, faster than `wire`.
+    """Return the bytes of a command frame to send.
 
-    ``number`` is the frame's number; ``front_uV`` and ``back_uV`` are the motor voltages in µV.
+    This function serves the control loop, because it is faster than `wire`. ``number``: the frame's
+    number; ``front_uV``, ``back_uV``: motor voltages in µV.
     """
     data = pack("<BBIii", VERSION, Type.COMMAND, number, front_uV, back_uV)
     out: bytes = encode(data + check(data)) + b"\0"

@@ -122,7 +122,7 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the output is held at zero, as the last sample states; None if it is not."""
+        """Return why the device holds its output at zero (last sample); None if it does not."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:

@@ -90,7 +90,10 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the time until a POLL is repeated: 4·``round_trip_s`` (s), within limits."""
+        """Set the time in s until a POLL is repeated to 4·``round_trip_s``.
+
+        It is at least `SHORTEST_RETRY_S` and at most `LONGEST_RETRY_S`.
+        """
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 
     def discard_stale(self) -> None:

@@ -80,8 +80,8 @@ class PyserialLine:
 def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transport:
     """Open a port or pyserial URL, locked against other programs, at ``baud`` bits per second.
 
-    ``low_latency``: ask the port's driver to deliver bytes at once. Raises DeviceError if the port
-    does not open, UsageError for a URL that pyserial does not know.
+    ``low_latency``: ask the port's driver to deliver received bytes without delay. Raises
+    DeviceError if the port does not open, UsageError for a URL that pyserial does not know.
     """
     import serial
     from serial.urlhandler import protocol_socket
@@ -140,7 +140,7 @@ def _is_locked(fd: int) -> bool:
 
 
 def prefer_low_latency(port: Serial) -> bool:
-    """Ask the driver of an open port to deliver bytes at once; return False if it refuses."""
+    """Ask the driver of ``port`` to deliver bytes without delay; return False if it refuses."""
     try:
         port.set_low_latency_mode(True)
     except (AttributeError, OSError, ValueError, NotImplementedError):

@@ -1,7 +1,7 @@
 """Wraps the vendor's HIL library for one board: its calls, with the array types that they need.
 
-Channels are ``array('I')``, volts ``array('d')``, counts ``array('i')``, digital states
-``array('b')`` and expiration states ``array('i')``, as in the library's documentation. The library
+The library's documentation gives the type codes of its ``array`` arguments: ``I`` for channels,
+``d`` for volts, ``i`` for counts and expiration states, ``b`` for digital states. The library
 passes their memory to C, so a wrong type gives a wrong value without an error.
 
 The board has a watchdog of its own::

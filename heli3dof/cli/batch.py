@@ -1,4 +1,4 @@
-"""``heli3dof batch VERB``: runs a verb on many recordings and writes one table."""
+"""``heli3dof batch VERB``: runs the subcommand VERB on many recordings; writes one table."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(
         family,
         name="batch",
-        help="Run a verb on many recordings: one row of a table each.",
+        help="Run a subcommand on many recordings: one row of a table each.",
         rich_help_panel="Many recordings",
     )
 
@@ -241,9 +241,9 @@ def _run(
     name: str, words: Sequence[str], options: Sequence[Mapping[str, Any]], output: Path, where: str,
     resume: bool, workers: int | None, cluster: str | None, profile: Path | None, out: Output,
 ) -> None:  # fmt: skip
-    """Run the verb ``name`` on the recordings that ``words`` name, and print the results.
+    """Run the subcommand ``name`` on the recordings that ``words`` name, and print the results.
 
-    ``options``: sets of the verb's options; the verb runs on each recording once per set.
+    ``options``: sets of the subcommand's options; it runs on each recording once per set.
     ``where``: condition on the recordings. The other arguments are the command line's options.
     """
     from heli3dof.batch.condition import checked
@@ -288,7 +288,10 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return, for each recording, the share of its bootstrap replicates that name each cause."""
+    """Return recording → how many of its bootstrap replicates name each cause.
+
+    Recordings without replicates are omitted.
+    """
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}
@@ -346,7 +349,10 @@ def _share_table(recording: str, shares: Sequence[NamedShare]) -> Grid:
 
 @contextmanager
 def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
-    """Context manager: yields a function that displays a batch's progress and the time left."""
+    """Context manager: yields a function that displays a batch's progress and the time left.
+
+    ``name``: the batch's subcommand, shown with the progress.
+    """
     if out.quiet:
         yield lambda batch: None
         return

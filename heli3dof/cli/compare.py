@@ -54,7 +54,7 @@ def compare(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Compare models with flights; without arguments, on the recordings that come with heli3dof.
+    """Compare models with flights; default: the recordings that come with heli3dof.
 
     Example: heli3dof compare rec.mcap hover model.json
     """
@@ -121,10 +121,10 @@ def show_comparison(
     paper: bool = False,
     verbose: bool = False,
 ) -> None:
-    """Print a comparison: the verdict and the table of RMSE; with ``verbose`` all tables.
+    """Print each axis's best model and a table of RMSE values; with ``verbose`` all tables.
 
-    ``paper``: also print a table like the paper's Table II; ``published``: the paper's numbers, for
-    one more table.
+    ``paper``: also print a table like the paper's Table II. ``published``: the paper's numbers,
+    which are printed as one more table if there are any.
     """
     from heli3dof.comparison.verdict import verdict
     from heli3dof.report.text.comparison_tables import (

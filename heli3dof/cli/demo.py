@@ -1,4 +1,4 @@
-"""``heli3dof demo``: flies the emulated rig, identifies, compares, diagnoses, writes a report."""
+"""``heli3dof demo``: flight, identification, comparison and diagnosis on an emulated rig."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Fly the emulated rig, identify, compare, diagnose and report. Needs no hardware.
+    """Fly an emulated rig; identify, compare and diagnose models; report. Needs no hardware.
 
     Example: heli3dof demo
     """

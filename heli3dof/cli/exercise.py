@@ -1,4 +1,4 @@
-"""``heli3dof exercise``: emulated rigs with hidden effects for students, their answers, marks."""
+"""``heli3dof exercise``: hides effects in emulated rigs for students, and marks the answers."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def submit(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write an answer: heli3dof exercise submit diagnosis.json --name "Ada"."""
+    """Write an answer to an exercise: heli3dof exercise submit diagnosis.json --name "Ada"."""
     from heli3dof.exercise.answer import make_answer, read_diagnosis, statements
     from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.sealed_rig import read_exercise
@@ -146,7 +146,7 @@ def mark(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Mark a class: heli3dof exercise mark answers/."""
+    """Mark the answers of a class: heli3dof exercise mark answers/."""
     from heli3dof.exercise.mark_folder import mark_folder
     from heli3dof.exercise.teacher_key import default_key
 
@@ -163,7 +163,7 @@ def mark(
 
 @verb
 def open_(file: Sealed, key: Key = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Show what an exercise hides: heli3dof exercise open rig.exercise."""
+    """Show the hidden effects of an exercise: heli3dof exercise open rig.exercise."""
     from heli3dof.exercise.teacher_key import default_key, open_truth
     from heli3dof.rig.sealed_rig import read_exercise
 
@@ -233,7 +233,10 @@ def _table(rows: list[dict[str, Any]]) -> Grid:
 
 
 def _names(row: dict[str, Any]) -> str:
-    """Return as text how many hidden causes the answer names, and its wrong or confounded names."""
+    """Return as text how many hidden causes the answer ``row`` names.
+
+    The text also lists the answer's wrong and confounded causes.
+    """
     lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
     lines += [f"wrong: {name}" for name in row["wrong"]]
     lines += [f"confounded: {name}" for name in row["confounded"]]
@@ -251,7 +254,10 @@ def _sizes(row: dict[str, Any]) -> str:
 
 
 def _holdout(errors: dict[str, float | None] | None) -> str:
-    """Return the held-out RMSE in degrees of roll, pitch and yaw as text: 0.20/0.30/0.09°."""
+    """Return the held-out RMSE of roll, pitch and yaw as text: ``0.20/0.30/0.09°``.
+
+    A dash replaces a missing value.
+    """
     if not errors:
         return "–"
     return "/".join(_number(errors.get(axis)) for axis in AXES) + "°"

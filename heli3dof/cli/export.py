@@ -47,7 +47,7 @@ def export(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a recording as a table, or for a viewer: heli3dof export REC --to foxglove.
+    """Convert a recording to a table or a viewer's format: heli3dof export REC --to foxglove.
 
     A model file (.json) becomes a state-space model for MATLAB: heli3dof export model.json.
     """

@@ -65,7 +65,7 @@ def fleet(
 
 
 def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
-    """Print the findings and the table of rigs; ``verbose``: all quantities and bad recordings."""
+    """Print findings and a table of rigs; ``verbose``: also all quantities and bad recordings."""
     from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
     from heli3dof.report.text.fleet_tables import bad_table, quantity_table, rig_table
 

@@ -27,10 +27,10 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
-    """Return, by axis name, the reference (°) and metrics of the first step, for JSON.
+    """Return, by axis name, the reference (°) and metrics of one segment, for JSON.
 
-    If the reference of an axis never changes, or moves continuously, the values describe another
-    segment of the reference, as `heli3dof.comparison.metrics` defines (*reported* segment).
+    The segment is the first step of the axis's reference. For an axis without a step,
+    `heli3dof.comparison.metrics` defines it (*reported* segment).
     """
     from heli3dof.comparison.metrics import flight_metrics
 

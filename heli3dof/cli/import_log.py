@@ -94,7 +94,7 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield what to print of a log: a table of its columns, its clock, what is ignored.
+    """Yield a table of a log's columns, a sentence on its samples, and what the import ignores.
 
     ``found``: the result of `heli3dof.recording.logs.preview.preview`.
     """

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class MonitorState:
-    """Collects a rig's readings: last one, rates (°/s), angle ranges (°), flags, largest delay."""
+    """Collects a rig's readings: the last, rates (°/s), angle ranges (°), flags, largest delay."""
 
     def __init__(self) -> None:
         self.readings = 0

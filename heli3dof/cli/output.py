@@ -142,7 +142,10 @@ def jsonable(value: Any) -> Any:
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Decorate a subcommand: print its error (what, likely cause, fix), exit with its exit code."""
+    """Decorate a subcommand: if it raises an error, print the error and exit with its exit code.
+
+    The message states what happened, the likely cause and the fix.
+    """
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:

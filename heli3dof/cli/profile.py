@@ -109,7 +109,7 @@ def new(
 
 @verb
 def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Show every number of a profile with its unit, derived quantities and the loop's margins."""
+    """Show every number of a profile with its unit, derived quantities and stability margins."""
     from rich.table import Table
 
     from heli3dof.toml_file import key_of, keys, value_at
@@ -275,7 +275,7 @@ def _report(
     with_loop: bool = True,
     **more: Any,
 ) -> list[str]:
-    """Print the control loop's margins, the warnings and the JSON document; return the warnings.
+    """Print stability margins, warnings and the JSON document; return the warnings.
 
     If ``with_loop`` is False, only the JSON document describes the loop. ``more``: further entries
     of this document.

@@ -87,9 +87,10 @@ def _questions() -> Iterator[tuple[str, FieldInfo]]:
 
 
 def _ask(out: Output, name: str, field: FieldInfo) -> Any:
-    """Ask the user for the key ``name`` until the answer is plausible; return the value.
+    """Ask the user for the key ``name`` until the answer is valid; return the value.
 
-    The result is None if the user omits the key.
+    A valid number is within the plausible range of ``field``, if it has one. A text is always
+    valid. The result is None if the user omits the key.
     """
     from heli3dof.toml_file import key_of
 

@@ -1,6 +1,6 @@
 """Show a flight live: angles against references, voltages, limits, lateness, time left.
 
-A terminal of at least 80 × 24 characters shows a screen of moving traces, a smaller one a line.
+A terminal of at least 80 × 24 characters shows moving traces; a smaller one shows a line of text.
 Without a terminal, a line is printed every `PRINT_EVERY_S` seconds.
 """
 

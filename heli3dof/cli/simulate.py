@@ -1,4 +1,4 @@
-"""``heli3dof simulate``: simulates a plan in closed loop on a model, recorded like a flight."""
+"""``heli3dof simulate``: simulates a plan in closed loop on a model; writes a recording."""
 
 from __future__ import annotations
 

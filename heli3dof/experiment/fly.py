@@ -51,9 +51,9 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise an exception unless the outcome is that of a completed plan (`raise_if_cut_short`).
+        """Raise the exception for ``outcome`` (`raise_if_cut_short`); none for a completed plan.
 
-        ``path`` is the recording's file, which the message names, or None.
+        ``path``: the recording's file, which the message names; None: no file.
         """
         kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":

@@ -85,7 +85,8 @@ class ClockOffset:
 class Instants:
     """Counts a device's sampling instants: the first at ``first_s`` (s), then every ``dt`` s.
 
-    ``busy``, ``creep``: as `BUSY` and `CREEP` (see the module).
+    ``busy``: largest delay of a sample after its instant. ``creep``: largest excess of the device's
+    period over ``dt``. Both are fractions of ``dt``.
     """
 
     def __init__(

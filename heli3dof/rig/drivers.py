@@ -1,7 +1,7 @@
 """Finds drivers through the entry-point group ``heli3dof.drivers``.
 
-heli3dof never imports a driver package by name, so third-party drivers work like its own. If a
-driver cannot be imported, listing rigs causes a warning, and only this driver's URLs cause errors.
+heli3dof never imports a driver package by name, so third-party drivers work like its own. A driver
+that cannot be imported causes a warning when rigs are listed, and an error for its own URLs only.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def registered() -> dict[str, EntryPoint]:
 def load_driver(scheme: str) -> Driver:
     """Return the driver for a URL scheme.
 
-    For a scheme with a +, such as ``serial+socket``, that is not registered itself, the driver is
-    that of the part before the +.
-    Raises UsageError for an unknown scheme, DeviceError if the driver cannot be loaded.
+    A scheme with a +, such as ``serial+socket``, need not have a driver of its own. It then uses
+    the driver of the part before the +. Raises UsageError for an unknown scheme, DeviceError if the
+    driver cannot be loaded.
     """
     known = registered()
     if scheme not in known:

@@ -2,7 +2,8 @@
 
 The keys are the paper's symbols. The `heli3dof.toml_file.Key` of each key gives its unit,
 its range and how to measure it. ``Profile.controller`` is None if the file has no ``[controller]``;
-the controller of an imported log is then unknown. Every model of the rig derives from the keys::
+the controller of an imported log is then unknown. The models use these quantities, computed from
+the keys::
 
     T_g     = 2 L_a K_f V_o                            gravity's torque on the level arm, N·m
     J_roll  = m_w L_w² + (m_f + m_b) L_a²              kg·m², unless ``[inertia]`` gives it
@@ -234,10 +235,10 @@ class Limits(Section):
 
     Angles are absolute encoder readings. ``roll_min_deg`` is below the rest angle on the table
     (−27.5°), so that a start from rest is within the limits. The motors are ramped to zero over
-    ``ramp_down_s`` after a trip or an interrupt, and over ``landing_s`` at a plan's end. If their
-    voltages are far from the hover voltage, the motors go to zero at once
-    (`heli3dof.experiment.control_loop.ramp_down`). The last four keys are the limits of
-    `heli3dof.experiment.safety_monitors`.
+    ``ramp_down_s`` after a trip or an interrupt, and over ``landing_s`` at a plan's end. From
+    voltages far from the hover voltage, the motors go to zero without a ramp
+    (`heli3dof.experiment.control_loop.ramp_down`). ``late_max_s``, ``late_max_share``,
+    ``lost_max_s`` and ``saturated_max_s`` are limits of `heli3dof.experiment.safety_monitors`.
     """
 
     roll_min_deg: Annotated[
@@ -280,7 +281,7 @@ class Limits(Section):
 
     @property
     def ranges_deg(self) -> tuple[tuple[float, float], ...]:
-        """Return the lowest and the highest permitted roll, pitch and yaw in degrees."""
+        """Return, for roll, pitch and yaw, the pair (lowest, highest) permitted angle in °."""
         pitch, yaw = self.pitch_max_deg, self.yaw_max_deg
         return (self.roll_min_deg, self.roll_max_deg), (-pitch, pitch), (-yaw, yaw)
 

@@ -82,8 +82,9 @@ def exercise_of(serial: str) -> str | None:
 class HiddenRig:
     """What the emulator simulates in an exercise: effects and a random spread of parameters.
 
-    ``hide``, ``spread``: as the URL options of ``mock:``; ``rig_seed``: seed of the spread. The
-    URL's seed applies to noise, vibration and timing only.
+    ``hide``: the effects; ``spread``: largest relative change of a parameter; both as in a URL of
+    ``mock:``. ``rig_seed``: seed of the spread. The URL's seed applies to noise, vibration and
+    timing only.
     """
 
     hide: str

@@ -1,9 +1,13 @@
 """The effects, one family per file: physics that the URL option ``hide=`` adds to the ideal rig.
 
-`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. A new effect needs an
-`Effect`, which names its parameters with units and bounds, and a short function. The function is
-compiled, or changes the `Setup`; the module's docstring gives the effect's equation. Another
-package registers its tuple of effects under the entry-point group `GROUP`.
+`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. The docstring of a module
+gives the equations of its effects. A new effect needs an `Effect`, which names its parameters with
+units and bounds, and a function of one of two kinds:
+
+- compiled, and called during the simulation, e.g. to add a torque
+- called once before the rig runs, to change its `Setup`, e.g. an inertia
+
+Another package registers its tuple of effects under the entry-point group `GROUP`.
 """
 
 from __future__ import annotations

@@ -31,9 +31,9 @@ class Parameter:
 class Effect:
     """Physics that ``hide=`` adds to the ideal rig, e.g. friction.
 
-    ``kernels``: `Stage`, a point of each integration substep → the compiled function called there.
-    ``setup(setup, axis, values)`` is called once before the rig runs and returns the changed
-    `Setup`. Effects of the same stage act in ascending ``order``.
+    ``kernels`` maps a `Stage`, a point of the simulation, to the compiled function that the plant
+    calls there. ``setup(setup, axis, values)`` is called once before the rig runs and returns
+    the changed `Setup`. Effects of the same stage act in ascending ``order``.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""External torques on an axis, two effects: constant τ (N·m); τ sin(2π f t), f in Hz, t in s."""
+"""External torque on an axis: constant τ, or τ sin(2π f t); τ in N·m, f in Hz, time t in s."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class EchoMeter:
         self._echo = echo
 
     def measured(self) -> EchoLatency | None:
-        """Return the flight's latency; None if no command was sent to an enabled device."""
+        """Return the latency's statistics; None if no command was sent to an enabled device."""
         if not self.commands:
             return None
         counts = (self.commands, self.unacknowledged, self.never_echoed)

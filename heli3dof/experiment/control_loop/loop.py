@@ -139,7 +139,10 @@ class _Flight:
         """(t in s, angles in rad, V at the motors) of the last periods"""
 
     def fly_plan(self) -> tuple[_End, Sample | None]:
-        """Fly the plan; return its end, and the last sample (None: the device does not answer)."""
+        """Fly the plan; return how it ended, and the last sample.
+
+        The sample is None if the device does not answer.
+        """
         sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)
@@ -367,8 +370,8 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
     """Context manager: request the real-time settings; yield which of them the system granted.
 
-    ``identity``: the device's. On a virtual clock only garbage collection and the interpreter's
-    thread switching are set, and None is yielded.
+    ``identity``: the identity of the device. If its timebase is virtual, this function sets only
+    garbage collection and the interpreter's thread switching, and yields None.
     """
     with ExitStack() as undo:
         if identity.timebase == "virtual":

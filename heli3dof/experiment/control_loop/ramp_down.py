@@ -87,8 +87,8 @@ class RampDown:
 def ramp_start(last: Pair, motor: Motor) -> Pair:
     """Return the voltages (front, back) in V at which the ramp to zero starts.
 
-    ``last``: the last voltages sent (V). The ramp starts there if both are near the hover voltage
-    of ``motor``, else at zero.
+    ``last``: the last voltages sent (V). The ramp starts there if both are within `HOVER_BAND`
+    times ``motor.hover_V`` of the hover voltage ``motor.V_o``, else at zero.
     """
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
@@ -118,7 +118,7 @@ class _Schedule:
         return self.voltage
 
     def shorten(self, steps: int) -> None:
-        """Let the ramp reach zero ``steps`` control periods from now, unless it does so earlier."""
+        """Shorten the ramp so that it reaches zero in at most ``steps`` more control periods."""
         if steps < self.left:
             self._start, self._i, self._n = self.voltage, 0, steps
 

@@ -7,18 +7,18 @@ scheduling     SCHED_FIFO: no ordinary program delays      rtprio in limits.d, o
                the loop
 memory         mlockall: no page of the program has to be  memlock in limits.d, or CAP_IPC_LOCK
                read from the disk in flight
-idle states    a core wakes up at once                     write access to /dev/cpu_dma_latency
-workers        the kernel's workers, which serve serial    CAP_SYS_NICE
-               lines, run before programs (`workers`)
+idle states    a core wakes up without delay               write access to /dev/cpu_dma_latency
+workers        kernel threads that serve serial lines      CAP_SYS_NICE
+               have priority over programs (`workers`)
 timer          sleeps end within 1 µs, not 50              none needed
 interpreter    no garbage collection; other threads give   none needed
                way within 0.1 ms
 =============  ==========================================  ======================================
 
 The flight goes on without a setting that is not granted; `Realtime` reports the command that grants
-it. The loop must wait while another thread of this program holds the interpreter's lock, and no
-ordinary program may delay that thread. So the other threads, too, run under SCHED_FIFO, below the
-loop.
+it. While another thread of this program holds the interpreter's lock, the loop must wait. So the
+other threads run under SCHED_FIFO, too, with a lower priority than the loop. Then no ordinary
+program delays them.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class RigExchange:
         return device_cause(self._rig)
 
     def stop(self, reason: str) -> None:
-        """Request an emergency stop. If it fails, the device's watchdog sets zero volts."""
+        """Request an emergency stop. If the request fails, the device's watchdog sets 0 V."""
         try:
             self._rig.estop(reason)
         except Exception:

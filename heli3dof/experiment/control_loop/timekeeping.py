@@ -17,9 +17,9 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 * ``device_skipped``: the device was busy and made no sample
 * ``samples_stale``: the sample came too late to be used; its period counts as missed
 
-Over any other link, the jump of the device's time gives the number of skipped periods. Of these,
-as many count as lost as the link has counted lost samples. Without such a count, the periods that
-were due after the host began to wait count as lost. All others count as missed.
+Over any other link, the jump of the device's time gives the number of skipped periods. If the link
+counts lost samples, its count is the number of lost periods. If it does not, the skipped periods
+that were due after the host began to wait are lost. The other skipped periods are missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a
@@ -122,8 +122,8 @@ class DeviceDeadlines(VirtualDeadlines):
 class CountedDeadlines(DeviceDeadlines):
     """Deadlines for a rig whose link counts skipped samples by cause.
 
-    The causes are: lost on the line, not taken by the device, arrived too late. `DeviceDeadlines`
-    estimates these numbers; here the link's counts replace the estimates.
+    The causes: the line lost the sample, the device took none, or the sample arrived too late.
+    `DeviceDeadlines` estimates how often each occurs; this class reads the link's counters.
     """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:

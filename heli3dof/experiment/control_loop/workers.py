@@ -1,10 +1,10 @@
 """Raises the priority of the kernel workers that deliver a serial line's bytes.
 
 The kernel passes on what a tty driver or a pseudo-terminal receives (``flush_to_ldisc``) in a
-*kernel worker* (``kworker/u…``). This thread waits for a processor core among ordinary programs,
-whatever the priority of the loop that waits for the bytes. If permitted (root, CAP_SYS_NICE), these
-workers run under SCHED_FIFO during a flight: above the recorder and the live view, below the loop.
-USB and sockets do not use kernel workers.
+*kernel worker* (``kworker/u…``), a thread. The worker waits for a processor core among ordinary
+programs, even if the loop that waits for the bytes has real-time priority. If permitted (root,
+CAP_SYS_NICE), the workers run under SCHED_FIFO during a flight. Their priority is above that of the
+recorder and the live view, and below that of the loop. USB and sockets do not use kernel workers.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ the unmodelled acceleration that the observer estimates; f: dry friction; F: its
 below. The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is
 reported as frozen when the model has turned further than the clearance C.
 
-F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both are then
-estimated from the axis's own motion:
+F starts at the largest dry friction of known rigs; C starts at 1.2°, more than their backlash. Both
+are then estimated from the axis's own motion:
 
 * Between motion in one direction and in the other, the unmodelled acceleration differs by twice the
   axis's own friction F₀, for any b. F = F_min + 3 |F₀| after half a second in each direction. The
@@ -30,11 +30,13 @@ is also unknown after a gap of samples. No axis in the air is judged until the o
 its rate (`SETTLING`).
 
 On the table friction may hold pitch and yaw, so they are not judged. Roll is judged there only
-under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
-not judged during the ramp to zero.
+under a thrust that lifts every known rig. For an axis that the motors push against its mechanical
+stop, the report names the stop, not the encoder. During the ramp to zero such an axis is not
+reported.
 
-False alarms: 0 in 10 h (half in hover, half in plan `rich`) on rigs that differ by ±15 % from the
-profile; detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
+There was no false alarm in 10 h (half in hover, half in plan `rich`) on rigs whose parameters
+differ by ±15 % from the profile. Detection times are in docs/results/benchmarks.md (`make bench
+TOPIC=watches`).
 """
 
 from __future__ import annotations
@@ -152,7 +154,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def awaits_fall(self) -> bool:
-        """Return True if the arm is above the table and the roll count constant for `LIVE_S`."""
+        """Return True if the arm is in the air and the roll count constant for over `LIVE_S` s."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:

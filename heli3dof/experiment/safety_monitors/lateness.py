@@ -1,8 +1,8 @@
 """Detects a loop that misses too many deadlines.
 
-A sample is late if it came more than ``late_max_s`` after its deadline. The monitor reports if the
-share of late samples within the last second exceeds ``late_max_share``. Periods that the host
-missed or the line lost just before a late sample count as late samples, too.
+A sample is late if it came more than ``late_max_s`` after its deadline. The monitor ends the flight
+if more than the fraction ``late_max_share`` of the last second's samples is late. Periods that the
+host missed or the line lost just before a late sample count as late samples, too.
 
 A busy host delays some commands, a slow link or device delays all of them. So the report names the
 link or the device as the cause if the 10 % quantile of the last second's command-to-echo latencies

@@ -1,6 +1,6 @@
 """Detects a link that loses frames: lost samples leave a gap, lost commands are not echoed.
 
-The monitor reports if one of these states lasts longer than ``lost_max_s`` (s):
+The monitor ends the flight if one of these states lasts longer than ``lost_max_s`` (s):
 
 - The host waits, but no sample comes: the link lost a sample, or a busy device made none.
 - Samples come, but echo no new command.

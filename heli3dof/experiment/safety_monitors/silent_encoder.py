@@ -116,9 +116,10 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """Return in s how long a working encoder may stand still (T in the module).
+        """Return in s how long a working encoder's count may stay constant.
 
-        It is infinite for an axis that has not yet moved to and fro enough.
+        This is the module's limit T, but at least `LEAST_S`. It is infinite while the axis has not
+        yet moved to and fro often enough to estimate T.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")

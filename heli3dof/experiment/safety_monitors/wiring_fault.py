@@ -1,9 +1,9 @@
 """Finds the single wiring fault that explains how the rig moved before a safety trip.
 
 Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not turn or
-turns the wrong way. Each gives other accelerations α_H(t) from the same voltages and angles
-(`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s before
-control was lost (`WINDOWS_S`), the measured angle is fitted by
+turns the wrong way. Each hypothesis H gives other accelerations α_H(t) from the same voltages and
+angles (`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s
+before control was lost (`WINDOWS_S`), the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
@@ -14,6 +14,9 @@ hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) ov
 fault is reported only if its score exceeds that of a rig without fault by `SURE`, and every other
 fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
 of `WINDOWS_S`, up to 1.6 s.
+
+One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
+have positive voltages, the roll encoder counts the wrong way.
 """
 
 from __future__ import annotations
@@ -233,7 +236,7 @@ def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> 
 
     ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): expected
     acceleration α in rad/s². Fitted: angle θ₀ and rate ω₀ at the start, unmodelled acceleration b
-    (rad/s²), gain s. ``weight``: q/B in s², with q rad per count and the prior b ~ N(0, B²).
+    (rad/s²), factor s of α. ``weight``: q/B in s², with q rad per count and the prior b ~ N(0, B²).
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

@@ -21,7 +21,7 @@ from heli3dof.toml_file import Finite, Key, Positive, Section
 
 @dataclass(frozen=True)
 class Clock:
-    """Time base of one segment: number and length (s) of its control periods; random generator."""
+    """Number and length (s) of one segment's control periods, and a random generator."""
 
     n: int
     dt: float
@@ -68,9 +68,11 @@ class BaseSegment(Section):
     def opened(self, clock: Clock) -> np.ndarray:
         """Return the mode (n, 3) of each axis's control loop in each of n control periods.
 
-        The modes are 0 closed, 1 learning (closed; the mean voltages are measured) and 2 open (the
-        mean voltages stay applied). By default all loops are closed. ``clock``: the segment's
-        control periods.
+        ``clock``: the segment's control periods. By default all loops are closed. The modes are:
+
+        - 0, closed
+        - 1, closed, while the mean of the controller's voltages for the axis is measured
+        - 2, open: these mean voltages replace the controller's voltages for the axis
         """
         return np.zeros((clock.n, 3), dtype=np.int8)
 
@@ -111,9 +113,10 @@ Band = Annotated[
 class FreeSegment(BaseSegment):
     """A segment that opens the control loop of one axis.
 
-    First the closed loop holds the axis for ``learn_s`` seconds, in which the mean voltages are
-    measured. Then the closed loop brings the axis to the initial state of its free motion. Then the
-    loop opens, and the mean voltages stay applied.
+    First the closed loop holds the axis for ``learn_s`` seconds, in which the mean of the
+    controller's voltages for this axis is measured. Then the closed loop brings the axis to the
+    initial state of its free motion. Then the loop opens: the mean voltages replace the
+    controller's voltages for this axis.
     """
 
     learn_s: Annotated[
@@ -123,11 +126,11 @@ class FreeSegment(BaseSegment):
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
-        """Return the mode (n, 3) of each axis's control loop; the loop of ``axis`` (0 … 2) opens.
+        """Return the modes (n, 3) of the control loops (`opened`); the loop of ``axis`` opens.
 
-        In the first ``learn_s`` seconds the mean voltages are measured. In the next ``approach_s``
-        seconds the closed loop brings the axis to the initial state of its free motion. Then the
-        loop opens.
+        ``axis``: 0 roll, 1 pitch, 2 yaw. Its mode is 1 in the first ``learn_s`` seconds, while its
+        mean voltages are measured. In the next ``approach_s`` seconds its mode is 0, and the closed
+        loop brings it to the initial state of its free motion. Then its mode is 2 (open).
         """
         mode = np.zeros((clock.n, 3), dtype=np.int8)
         mode[clock.t < self.learn_s, axis] = LEARN

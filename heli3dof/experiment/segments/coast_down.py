@@ -1,14 +1,14 @@
 """``coast-down``: the controller spins yaw up, then lets it coast with the body level.
 
-    learn_s   hover: the controller's mean yaw voltages, which hold the body level, are stored
+    learn_s   in hover, the mean of the controller's voltages for yaw is measured
     spin_s    the yaw reference moves at rate_deg_per_s
-    the rest  the stored voltages stay: pitch p → 0, and friction slows yaw:
-              J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …
+    the rest  the mean voltages replace the controller's voltages for yaw, so pitch p → 0, and
+              friction slows yaw:  J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …
 
 ψ is yaw (rad), J_yaw its inertia (kg·m²). Viscous friction c_ψ causes an exponential decay of the
-yaw rate. Coulomb friction τ_ψ causes a linear decay, drag a decay that is steepest at first. Roll
-and pitch stay in closed loop. Yaw returns to closed loop if an angle or rate exceeds a fraction of
-its safety limit (`heli3dof.model.control.loop_opening`).
+yaw rate, and Coulomb friction τ_ψ causes a linear decay. Drag causes a decay that is steepest at
+first. Roll and pitch stay in closed loop. Yaw returns to closed loop if an angle or rate exceeds a
+fraction of its safety limit (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations

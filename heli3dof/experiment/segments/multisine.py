@@ -3,11 +3,11 @@
     c(t) = A_c Σ_odd  f_k^−tilt cos(2π f_k t + φ_k) / σ_c,     V_front += c + d
     d(t) = A_d Σ_even f_k^−tilt cos(2π f_k t + φ_k) / σ_d,     V_back  += c − d
 
-f_k = k/duration_s, within ``band_Hz``; with ``tilt`` > 0 the amplitudes fall with frequency. σ is
-the RMS of its sum, so A_c = ``common_V`` and A_d = ``difference_V`` are RMS values (V). Common and
-difference voltage contain alternate frequencies, so they are orthogonal over the segment. Roll
-responds to the common voltage, pitch to the difference. Of `DRAWS` random sets of phases φ_k the
-segment uses the set with the lowest crest factor (peak/RMS).
+f_k = k/duration_s, within ``band_Hz``; with ``tilt`` > 0 the amplitudes fall with frequency. σ_c
+and σ_d are the RMS of the sums, so A_c = ``common_V`` and A_d = ``difference_V`` are RMS voltages.
+Common and difference voltage contain alternate frequencies, so they are orthogonal over the
+segment. Roll responds to the common voltage, pitch to the difference. Of `DRAWS` random sets of
+phases φ_k the segment uses the set with the lowest crest factor (peak/RMS).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """``ring-down``: roll swings freely under the constant voltage that held it level.
 
-    learn_s    level: the controller's mean roll voltages are stored
-    settle_s   displaced by displacement_deg
-    the rest   the stored voltages stay, so the thrust F is constant:
-               J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …
+    learn_s    in level hover, the mean of the controller's voltages for roll is measured
+    settle_s   the roll reference is displaced by displacement_deg
+    the rest   the mean voltages replace the controller's voltages for roll, so the thrust F is
+               constant:  J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …
 
 F: sum of both thrusts (N); r, p: roll and pitch (rad); J_roll: inertia (kg·m²); L_a: yaw axis to
 body (m); T_g: gravity torque (N·m); k_r: pendulum stiffness (N·m/rad); c_r: viscous friction

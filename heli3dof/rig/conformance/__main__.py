@@ -3,7 +3,8 @@
 A case also fails if the driver raises an exception that is no `Heli3dofError`. The case's line then
 names the exception and where it was raised.
 
-Exit code: 0 if no case failed, 6 if any failed, 2 or 3 if the URL or its rig cannot be used.
+Exit code: 0 if no case failed, else the highest code that applies: 6 if the driver violates a
+requirement, 3 if it raises a DeviceError, 2 if it raises a UsageError, e.g. for an invalid URL.
 """
 
 from __future__ import annotations

@@ -111,9 +111,9 @@ def a_sample_echoes_the_commands_sequence_and_voltages(bench: Bench) -> None:
 
 
 def _echoed_at_once(host: Host, sent: dict[int, tuple[float, float]]) -> int:
-    """Send `ECHOES` commands; return how many were echoed by the next sample taken.
+    """Send `ECHOES` commands; return how many of them the next sample echoed.
 
-    ``sent``: sequence number → voltages (V) of the commands sent so far; new ones are added.
+    ``sent``: sequence number → voltages (V) of the commands sent so far; updated here.
     """
     at_once = 0
     for k in range(ECHOES):

@@ -58,7 +58,11 @@ class Armed:
 
 
 def traffic(armed: Armed) -> Check:
-    """Check for lost samples: compare the samples received with those due by the device's clock."""
+    """Return a `Check` that at most the fraction `LOST_SHARE` of the samples is missing.
+
+    The device's clock gives the number of samples that were due within `SECONDS` s. The check also
+    fails if the output is not zero volts.
+    """
     first = last = armed.arm()
     counts_before = _missing(armed.rig)
     came = 0
@@ -89,14 +93,20 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return the rig's numbers of lost samples by cause; empty if it does not count every cause."""
+    """Return cause → number of missing samples, from the link's counters (keys: `WHERE`).
+
+    The dict is empty if the link does not count every cause.
+    """
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Check that the watchdog expires without commands, and that later commands have no effect."""
+    """Return a `Check` that the watchdog expires without commands and ignores later commands.
+
+    The result is undecided (``good`` None) for a rig with a virtual clock.
+    """
     what, rig = "watchdog at work", armed.rig
     if rig.identity.timebase == "virtual":
         return Check(what, "not checked: a virtual clock does not advance in the silence", None)
@@ -113,7 +123,7 @@ def watchdog_expires(armed: Armed) -> Check:
 
 
 def stop_holds(armed: Armed) -> Check:
-    """Check that commands do not end an emergency stop, and that arming ends it."""
+    """Return a `Check` that commands do not end an emergency stop, and that arming ends it."""
     what = "emergency stop at work"
     armed.arm()
     armed.zero_volts()
@@ -133,7 +143,7 @@ CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check on an armed rig and yield the results; stop the rig at the end."""
+    """Run the checks, which arm ``rig``; yield their results, and stop the rig at the end."""
     armed = Armed(rig, profile)
     for check in checks_of(GROUP):
         yield check(armed)

@@ -22,7 +22,7 @@ SLOW_S = 0.3
 
 
 def free_space(folder: Path) -> Check:
-    """Check that the disk of ``folder`` has enough free space."""
+    """Return a `Check` that the disk of ``folder`` has at least `LEAST_FREE_BYTES` free."""
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
@@ -31,7 +31,10 @@ def free_space(folder: Path) -> Check:
 
 
 def write_time(folder: Path) -> Check:
-    """Check the time to write a file in ``folder`` and force it to the disk (fsync)."""
+    """Return a `Check` that a write in ``folder``, with fsync, takes at most `SLOW_S` s.
+
+    The time is the median of `TRIES` writes. The check fails if ``folder`` is not writable.
+    """
     what = "time to the disk"
     try:
         with tempfile.TemporaryFile(dir=folder) as file:

@@ -23,7 +23,11 @@ RESOLUTION_S = 1e-6
 
 
 def clock(profile: Profile) -> Check:
-    """Check the monotonic clock's resolution and source; ``profile`` is not used."""
+    """Return a `Check` that the monotonic clock resolves `RESOLUTION_S` s and is fast to read.
+
+    For a slow clock the result is undecided (``good`` None) if the system offers no faster one.
+    ``profile`` is not used.
+    """
     what = "clock"
     resolution = time.get_clock_info("monotonic").resolution
     source = _text(SYSTEM / "clocksource/clocksource0/current_clocksource")
@@ -43,7 +47,10 @@ def clock(profile: Profile) -> Check:
 
 
 def wake_up(profile: Profile) -> Check:
-    """Check, for 1 s, how late this process wakes up at the deadlines of the control period."""
+    """Return a `Check` that this process wakes up on time, once in each control period.
+
+    It passes if at most 0.1 % of the wake-ups in `WAKE_SECONDS` s are more than `LATE_S` s late.
+    """
     dt = profile.dt
     n = max(10, round(WAKE_SECONDS / dt))
     start = time.monotonic() + dt
@@ -59,7 +66,10 @@ def wake_up(profile: Profile) -> Check:
 
 
 def frequency(profile: Profile) -> Check:
-    """Check that the CPU frequency governor is ``performance``; ``profile`` is not used."""
+    """Return a `Check` that the governor of the CPU frequency, if any, is ``performance``.
+
+    ``profile`` is not used.
+    """
     what = "frequency governor"
     files = sorted((SYSTEM / "cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     found = sorted({text for file in files if (text := _text(file)) is not None})
@@ -72,7 +82,10 @@ def frequency(profile: Profile) -> Check:
 
 
 def load(profile: Profile) -> Check:
-    """Check how busy this computer is (its load average); ``profile`` is not used."""
+    """Return a `Check` that the load average leaves at least half a processor core free.
+
+    ``profile`` is not used.
+    """
     what = "other work"
     if not hasattr(os, "getloadavg"):
         return Check(what, "this system does not report it", None)
@@ -83,7 +96,7 @@ def load(profile: Profile) -> Check:
 
 
 def memory(profile: Profile) -> Check:
-    """Check that enough memory is available to avoid swapping; ``profile`` is not used."""
+    """Return a `Check` that 512 MiB of memory are available; ``profile`` is not used."""
     what = "memory"
     text = _text(Path("/proc/meminfo"))
     if text is None:

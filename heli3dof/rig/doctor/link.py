@@ -67,7 +67,11 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
 
 
 def identity(opened: Opened) -> Check:
-    """Check the device's counts per revolution and voltage limit against the profile's."""
+    """Return a `Check` that the device fits the profile.
+
+    It fits if its counts per revolution are the profile's, and if its voltage limit is at least the
+    profile's.
+    """
     found, profile = opened.rig.identity, opened.profile
     e = profile.encoder
     stated = (
@@ -86,7 +90,7 @@ def identity(opened: Opened) -> Check:
 
 
 def watchdog(opened: Opened) -> Check:
-    """Check that the device states a watchdog timeout of at most `LONGEST_WATCHDOG_S` s."""
+    """Return a `Check` that the device's watchdog timeout is at most `LONGEST_WATCHDOG_S` s."""
     seconds = opened.rig.identity.watchdog_s
     found = f"motors to zero after {seconds * 1e3:g} ms of silence"
     fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
@@ -94,7 +98,10 @@ def watchdog(opened: Opened) -> Check:
 
 
 def round_trip(opened: Opened) -> Check:
-    """Check that the time from request to sample is short against the control period."""
+    """Return a `Check` of the time from the request to the arrival of a sample.
+
+    Its median must be at most half a control period, its 99.9 % quantile at most one period.
+    """
     took = sorted(opened.took_s)
     n, dt = len(took), opened.profile.dt
     usual, rare = took[n // 2], took[min(n - 1, int(0.999 * n))]
@@ -109,7 +116,10 @@ def round_trip(opened: Opened) -> Check:
 
 
 def loss(opened: Opened) -> Check:
-    """Check that the driver repeated no request and received no malformed frame."""
+    """Return a `Check` that the driver repeated no request and received no malformed frame.
+
+    The result is undecided (``good`` None) if the driver does not count these events.
+    """
     if opened.retries is None or opened.malformed is None:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
@@ -118,7 +128,11 @@ def loss(opened: Opened) -> Check:
 
 
 def device_clock(opened: Opened) -> Check:
-    """Check that the device's clock and the host's advance equally during the readings."""
+    """Return a `Check` that the rates of the device's clock and the host's agree within 1 %.
+
+    The measurement's uncertainty is added to the limit. The result is undecided (``good`` None) if
+    the clocks cannot be compared, e.g. if the device's clock is virtual.
+    """
     first, last = opened.samples[0], opened.samples[-1]
     theirs = last.device_time_s - first.device_time_s
     ours = last.host_time_s - first.host_time_s
@@ -135,7 +149,10 @@ def device_clock(opened: Opened) -> Check:
 
 
 def stands_still(opened: Opened) -> Check:
-    """Check that the encoder counts of the resting rig do not change; noise would change them."""
+    """Return a `Check` that each encoder count of the resting rig varies by at most `STILL_COUNTS`.
+
+    Electrical noise, or a rig that moves, would cause a larger range.
+    """
     spans = [
         max(column) - min(column)
         for column in zip(*(s.counts for s in opened.samples), strict=True)
@@ -148,7 +165,7 @@ def stands_still(opened: Opened) -> Check:
 
 
 def state(opened: Opened) -> Check:
-    """Check the last sample's flags: no fault, no stalled motor, rig not armed."""
+    """Return a `Check` that the last sample reports no fault, no stalled motor, no armed rig."""
     flags = opened.samples[-1].flags
     problems = {
         Flags.FAULT: ("the amplifier reports a fault", "let it cool, check supply and motors"),
@@ -164,11 +181,12 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Check that roll and pitch are near their rest angles, and all angles within the limits.
+    """Return a `Check` that the rig is at its rest angles and within the profile's limits.
 
-    The angles follow from the counts and the stored calibration. An angle outside the profile's
-    limits would end any flight at once. An angle more than `ONE_TURN` outside shows a faulty
-    counter.
+    The angles follow from the counts and the stored calibration. The check fails if an angle is
+    outside the limits, which would end any flight in its first period. An angle more than
+    `ONE_TURN` outside shows a faulty counter. The result is undecided (``good`` None) if the
+    calibration is doubtful, or if roll or pitch is more than 3° from its rest angle.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts

@@ -155,10 +155,15 @@ class EstopResult:
     """URLs of ports at which no rig is known: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
-        """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
+        """Raise DeviceError if the stop did not succeed; ``device``: as in `estop`.
 
-        ``device``: URL of the rig to stop; None: all rigs. If all rigs are to be stopped and one
-        was stopped, an unconfirmed device without a session is no error: it may be no rig.
+        The cases are:
+
+        - No rig was stopped.
+        - The rig at the URL ``device`` did not confirm its stop.
+        - ``device`` is None (all rigs), and a rig that a process uses did not confirm its stop.
+
+        Any other device that does not confirm may be no rig, so it is no error.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
