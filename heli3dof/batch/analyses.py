@@ -1,4 +1,4 @@
-"""The verbs that ``heli3dof batch`` can run, and their columns of the results table."""
+"""The verbs (subcommands) that ``heli3dof batch`` can run, and their table columns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """The arguments with which a worker runs a verb on one recording."""
+    """The arguments with which a worker runs a verb (subcommand) on one recording."""
 
     path: Path | None
     """The recording's file on the worker's machine; None in a sweep"""
@@ -70,7 +70,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A verb that a batch runs on each recording: its function and its table columns."""
+    """A verb (subcommand) that a batch runs on each recording: its function and table columns."""
 
     run: Callable[[Job], Document]
     """Function (job) → the verb's JSON document. It may raise Heli3dofError."""

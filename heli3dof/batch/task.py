@@ -1,4 +1,4 @@
-"""`Task`: run one verb (subcommand) on one recording. `Outcome`: the task's result.
+"""`Task`: one run of a verb (subcommand) on one recording. `Outcome`: its result.
 
 Both are sent between processes. The key of a task is a hash of all that its result depends on: the
 verb, its options, the profile, the recording's content and name, and the version of heli3dof with a
@@ -29,7 +29,7 @@ ENDINGS = (".py", ".toml", ".json")
 
 @dataclass(frozen=True)
 class Task:
-    """Run one verb (subcommand) on one recording, or fly one flight of a sweep.
+    """One run of a verb (subcommand) on one recording, or one flight of a sweep.
 
     A flight of a sweep has the verb ``run`` and an empty ``source``.
     """

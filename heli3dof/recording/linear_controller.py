@@ -20,8 +20,8 @@ from heli3dof.arrays import FloatArray
 class LinearController:
     """Gains of a linear control law of order n = len(A), and how well it explains the voltages.
 
-    ``share`` is σ_e/std(Δu): standard deviation of the law's error e over that of the voltages'
-    changes Δu from sample to sample.
+    ``share`` is σ_e/std(Δu): the standard deviation of the law's error e, divided by that of the
+    voltages' changes Δu from sample to sample.
     """
 
     A: FloatArray

@@ -155,7 +155,7 @@ EXAMPLES = {
         before=(STEPS, "head -c 700000 steps.mcap > torn.mcap"),
     ),
     "batch": Example(
-        "`batch` runs a subcommand on many recordings and writes a table with a row for each.",
+        "`batch` runs a subcommand on many recordings and writes a table row for each.",
         ("heli3dof batch identify term -o results --where 'plan=\"rich\"' --workers 1",),
         before=(RICH, STEPS, "mkdir term; cp cable.mcap steps.mcap term"),
     ),
@@ -173,7 +173,7 @@ EXAMPLES = {
         before=(FLYING,),
     ),
     "monitor": Example(
-        "`monitor` shows live values; here of a rig that another terminal flies.",
+        "`monitor` shows live values, here during a flight.",
         (f"heli3dof monitor {REAL_TIME} --seconds 8",),
         before=("sleep 1", f"{FLYING} # again"),
         after=(LANDED,),
@@ -225,7 +225,7 @@ def page() -> str:
     for verb, example in EXAMPLES.items():
         picture = f"![{verb} output](../pictures/verbs/{verb}.svg)"
         parts.append(f"## {verb}\n\n{textwrap.fill(example.sentence, 120)}\n\n{picture}\n")
-    parts.append("## The HTML report\n\nThe first screen of `report`'s page.\n")
+    parts.append("## The HTML report\n\nThe first screen of the HTML report.\n")
     for scheme, width in PHOTOGRAPHS:
         name = f"{scheme}-{width}"
         parts.append(f"![Report, {scheme}, {width} px](../pictures/report/{name}.png)\n")
