@@ -1,4 +1,4 @@
-"""The verbs that ``heli3dof batch`` can run, and their columns of the results table."""
+"""The verbs (subcommands) that ``heli3dof batch`` can run, and their table columns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """The arguments with which a worker runs a verb on one recording."""
+    """The arguments with which a worker runs a verb (subcommand) on one recording."""
 
     path: Path | None
     """The recording's file on the worker's machine; None in a sweep"""
@@ -41,12 +41,15 @@ class Job:
 
     @cached_property
     def recording(self) -> Recording:
-        """Return the recording. Raises RecordingError or UsageError if it cannot be read."""
+        """Return the job's recording. Raises RecordingError or UsageError if it is unreadable."""
         return load(self.file, self.profile)
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the recording (of an incomplete file, the intact part) and its `file_info`."""
+        """Return the job's recording and its `file_info`.
+
+        Of an incomplete file, this is the intact part of the recording.
+        """
         return read_with_info(self.file, self.profile)
 
     @property
@@ -56,7 +59,10 @@ class Job:
         return self.path
 
     def output(self, kind: str, ending: str) -> Path:
-        """Return the path of an output file with this ``ending``; create its subfolder ``kind``."""
+        """Return the path of an output file of the job; create its folder.
+
+        The folder is called ``kind``, the file has the job's name and this ``ending``.
+        """
         path = self.folder / kind / f"{self.label}{ending}"
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
@@ -64,7 +70,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A verb that a batch runs on each recording: its function and its table columns."""
+    """A verb (subcommand) that a batch runs on each recording: its function and table columns."""
 
     run: Callable[[Job], Document]
     """Function (job) → the verb's JSON document. It may raise Heli3dofError."""

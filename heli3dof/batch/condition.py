@@ -25,7 +25,7 @@ SYNTAX = (
 
 
 def _of_values(compare: Callable[[Any, Any], bool]) -> Callable[[Any, Any], bool]:
-    """Return a function like ``compare`` that returns False for values it cannot compare (None)."""
+    """Return ``compare``, changed to return False where it raises TypeError, as for None < 1."""
 
     def compared(one: Any, other: Any) -> bool:
         try:

@@ -66,11 +66,12 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Run the tasks that have no final outcome in ``folder``; return the counts at the end.
+    """Run the tasks that have no final outcome in ``folder``; return the `Batch`.
 
-    An outcome is final if no retry would change it. ``engine`` runs the tasks. ``progress`` is
-    called with the counts at the start and after each outcome. At the end, or after Ctrl-C or an
-    error, the function writes the table of all ``tasks`` with an outcome, in their order.
+    An outcome is final if no retry would change it. ``engine`` runs the tasks. The `Batch` counts
+    the tasks; ``progress`` is called with it at the start and after each outcome. At the end, or
+    after Ctrl-C or an error, the function writes the results table. The table has a row for each of
+    the ``tasks`` with an outcome, in their order.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())

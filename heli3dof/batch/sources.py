@@ -89,11 +89,11 @@ class Source:
 
 
 def find(words: Sequence[str]) -> list[Source]:
-    """Return the recordings that the command's arguments ``words`` name, each once, in their order.
+    """Return the recordings that the command's arguments ``words`` name, without duplicates.
 
-    The recordings of one folder or pattern are sorted by path. A file given by its own path need
-    not exist: its row of the table then states the error. Raises UsageError for a folder, pattern
-    or list without any recording.
+    They are in the order of the arguments; those of one folder or pattern are sorted by path. A
+    file given by its own path need not exist: its row of the results table then states the error.
+    Raises UsageError for a folder, pattern or list without any recording.
     """
     found = dict.fromkeys(each for word in words for each in _expanded(word))
     return [Source(each) for each in found]

@@ -1,7 +1,8 @@
-"""`Task`: one verb on one recording. `Outcome`: its result. Both are sent between processes.
+"""`Task`: one run of a verb (subcommand) on one recording. `Outcome`: its result.
 
-The key of a task is a hash of all that its result depends on: the verb, its options, the profile,
-the recording's content and name, and the version of heli3dof with a hash of its code.
+Both are sent between processes. The key of a task is a hash of all that its result depends on: the
+verb, its options, the profile, the recording's content and name, and the version of heli3dof with a
+hash of its code.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ ENDINGS = (".py", ".toml", ".json")
 
 @dataclass(frozen=True)
 class Task:
-    """One verb on one recording, or, without a source, one flight of a sweep."""
+    """One run of a verb (subcommand) on one recording, or one flight of a sweep.
+
+    A flight of a sweep has the verb ``run`` and an empty ``source``.
+    """
 
     verb: str
     key: str

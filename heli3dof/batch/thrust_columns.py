@@ -27,8 +27,8 @@ def thrust_columns(
     """Return four columns: thrust gain ratio and hover voltage, each with standard deviation.
 
     ``parameters``: name → estimate of the model's parameters; ``correlation``: their correlation
-    matrix; ``V_o``: the profile's hover voltage (V). The result is empty if the inertias and the
-    gravity torque, or their correlation, were not estimated.
+    matrix; ``V_o``: the profile's hover voltage (V). The result is empty if an inertia, the
+    gravity torque or the correlation matrix is missing.
     """
     if not correlation or any(n not in parameters for n in (*INERTIAS, "T_g")):
         return {}

@@ -7,11 +7,12 @@ Hampel filter first proposes candidates, and each is tested without the other ca
 end, the date, size and probability of each step are computed from the flights between its two
 neighbouring steps.
 
-A change is reported if its probability is at least p = `REPORTED`. The prior probability π of a
-change in one quantity is that in `CHANGES_PER_RIG_SEMESTER`, divided by the number of quantities.
-If the posterior is calibrated (one report in 20 is false), a quantity of a rig without a change
-gets a false report with a probability of at most π·(1 − p)/p. For all quantities of a rig together,
-this is 0.15 · 0.05/0.95 = 0.8 %.
+A change is reported if its posterior probability is at least p = `REPORTED`. A rig is expected to
+change 0.15 times per semester (`CHANGES_PER_RIG_SEMESTER`). Divided by the number of quantities,
+this is the prior probability π of a change in one quantity. If the posterior is calibrated, at most
+(1 − p)/p reports are false for each true one. A quantity that did not change then gets a false
+report with a probability of at most π·(1 − p)/p. For all quantities of a rig together, this is
+0.15 · 0.05/0.95 = 0.8 % per semester.
 """
 
 from __future__ import annotations
@@ -270,8 +271,8 @@ def _change(
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
     """Return the most probable dates of a step: first flight after the step → probability.
 
-    Together the dates have at least the probability `DATES`. ``share``: the probability of a step
-    before each of ``flights`` from index 2 on, given that there is a step.
+    The result has the fewest dates whose probabilities add up to at least `DATES`. ``share``: the
+    probability that the step is before each of ``flights``, from index 2 on; their sum is 1.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

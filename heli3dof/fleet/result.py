@@ -77,21 +77,22 @@ class Fleet(Result):
         return tuple(sorted({r.track.rig for r in self.tracks() if not r.track.dated}))
 
     def tracks(self) -> Iterator[RigQuantity]:
-        """Yield the results for each quantity of each rig."""
+        """Yield a `RigQuantity` for each pair of a quantity and a rig that has it."""
         for quantity in self.quantities:
             yield from quantity.rigs
 
     def changes(self) -> list[tuple[Track, Change]]:
-        """Return (track, change) for all steps, then all drifts, then all deviating flights.
+        """Return a pair for each change of a rig: the quantity's values (a `Track`) and the change.
 
-        Within each kind, the most probable change comes first.
+        Steps come first, then drifts, then deviating flights; within each kind, the most probable
+        change comes first.
         """
         found = [(r.track, c) for r in self.tracks() for c in r.changes]
         kinds = ("step", "drift", "deviating")
         return sorted(found, key=lambda tc: (kinds.index(tc[1].kind), -tc[1].probability))
 
     def differences(self) -> list[tuple[str, Difference]]:
-        """Return (quantity, difference) for all rigs that differ, smallest p-value first."""
+        """Return (quantity, difference) for each rig that differs, smallest p-value first."""
         found = [(r.track.quantity, r.difference) for r in self.tracks() if r.difference]
         return sorted(found, key=lambda qd: qd[1].p_value)
 

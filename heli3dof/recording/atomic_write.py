@@ -70,7 +70,12 @@ def check_outputs(*outputs: Path | None, force: bool, inputs: Iterable[Path] = (
 
 
 def check_output(path: Path, *, force: bool) -> None:
-    """Raise OutputExists (without ``force``), UsageError or NoSpace: ``path`` cannot be created."""
+    """Raise an error if the output file ``path`` cannot be created.
+
+    * OutputExists: it exists, and ``force`` is False
+    * UsageError: its folder is missing or not writable
+    * NoSpace: the disk is full
+    """
     _check_name(path, force=force)
     with write_errors_explained(path):
         place = path.resolve()

@@ -18,7 +18,11 @@ from heli3dof.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """Gains of a law of order n = len(A), and its unexplained share of the voltages' changes."""
+    """Gains of a linear control law of order n = len(A), and how well it explains the voltages.
+
+    ``share`` is σ_e/std(Δu): the standard deviation of the law's error e, divided by that of the
+    voltages' changes Δu from sample to sample.
+    """
 
     A: FloatArray
     """(n, 2, 2) A_1 … A_n, without unit"""

@@ -143,7 +143,12 @@ class Recording(Result):
 
     @property
     def controller_input(self) -> FloatArray:
-        """Return (N, 2) V: the extra voltage, or the input w of an identified controller."""
+        """Return the external input (N, 2) V that is added in the control law, front and back.
+
+        For an identified controller, it is the input w of `LinearController`: references,
+        excitation, and what the law does not explain. Otherwise it is ``voltage_extra``, the
+        voltage added by the experiment.
+        """
         if self.identified_controller is None:
             return self.voltage_extra
         return self.identified_controller.input_of(self.voltage, self.angle)

@@ -26,7 +26,7 @@ PICTURES = ROOT / "docs" / "pictures"
 PAGE = ROOT / "docs" / "reference" / "gallery.md"
 HEAD = """# Gallery: what each command prints
 
-The pictures show typical output of each command, on an emulated rig. `make docs` makes them.
+The pictures show each command's typical output on an emulated rig.
 """
 PHOTOGRAPHS = {
     (scheme, width): height
@@ -83,7 +83,7 @@ class Example:
 
 EXAMPLES = {
     "demo": Example(
-        "`demo` shows the whole work on an emulated rig: fly, identify, compare, diagnose, report.",
+        "`demo` flies, identifies and diagnoses an emulated rig, and writes an HTML report.",
         ("heli3dof demo",),
     ),
     "run": Example(
@@ -91,7 +91,7 @@ EXAMPLES = {
         (f"heli3dof run steps {MOCK} -o flight.mcap",),
     ),
     "run-step": Example(
-        "`run-step` flies one step; during the flight it shows angles, references and voltages.",
+        "`run-step` flies one step and shows angles, references and voltages.",
         (f"heli3dof run-step --roll 10 {REAL_TIME} -o roll.mcap",),
         frame="18 of",
     ),
@@ -105,8 +105,7 @@ EXAMPLES = {
         before=(RICH, f"{DIAGNOSE} --quiet", STEP),
     ),
     "diagnose": Example(
-        "`diagnose` finds the physical causes of the simulation's error; "
-        "here a cable that twists with yaw.",
+        "`diagnose` finds the physical causes of the simulation's error (here a cable).",
         (f"{DIAGNOSE} --force",),
         before=(RICH,),
     ),
@@ -121,8 +120,7 @@ EXAMPLES = {
         before=(RICH, STEP),
     ),
     "report": Example(
-        "`report` writes one HTML page with all figures; "
-        "[its first screen](#the-html-report) is below.",
+        "`report` writes one HTML page with all figures ([first screen](#the-html-report)).",
         ("heli3dof report cable.mcap --model hover --model model.json -o report.html",),
         before=(RICH, f"{DIAGNOSE} --quiet"),
     ),
@@ -132,12 +130,12 @@ EXAMPLES = {
         before=("python -m tests.fleet.making lab",),
     ),
     "export": Example(
-        "`export` writes a recording as a table, or for a viewer.",
+        "`export` converts a recording to a table or a viewer's file.",
         ("heli3dof export steps.mcap -o steps.csv", "heli3dof export steps.mcap --to foxglove"),
         before=(STEPS,),
     ),
     "import": Example(
-        "`import` converts another program's log; without `-o` it only shows what it understood.",
+        "`import` converts another program's log; without `-o` it only lists recognised columns.",
         ("heli3dof import log.csv --profile rig.toml",),
         before=(PROFILE + " --quiet", STEPS, "heli3dof export steps.mcap -o log.csv --quiet"),
     ),
@@ -157,7 +155,7 @@ EXAMPLES = {
         before=(STEPS, "head -c 700000 steps.mcap > torn.mcap"),
     ),
     "batch": Example(
-        "`batch` runs a verb on many recordings and writes a table with a row for each.",
+        "`batch` runs a subcommand on many recordings and writes a table row for each.",
         ("heli3dof batch identify term -o results --where 'plan=\"rich\"' --workers 1",),
         before=(RICH, STEPS, "mkdir term; cp cable.mcap steps.mcap term"),
     ),
@@ -175,22 +173,22 @@ EXAMPLES = {
         before=(FLYING,),
     ),
     "monitor": Example(
-        "`monitor` shows live values; here of a rig that another terminal flies.",
+        "`monitor` shows live values, here during a flight.",
         (f"heli3dof monitor {REAL_TIME} --seconds 8",),
         before=("sleep 1", f"{FLYING} # again"),
         after=(LANDED,),
     ),
     "plans": Example("`plans` lists the plans that come with heli3dof.", ("heli3dof plans",)),
     "profile": Example(
-        "`profile new` writes the rig's numbers into a file; "
-        "`profile check` tests them and the stability of the loop.",
+        "`profile new` writes the rig's numbers into a file. "
+        "`profile check` tests these and the loop's stability.",
         (PROFILE.replace("rig.toml", "lab.toml"), "heli3dof profile check lab.toml"),
     ),
     "zero": Example(
         "`zero` stores the encoder counts of the rig at rest.", (f"heli3dof zero {REAL_TIME}",)
     ),
     "exercise": Example(
-        "`exercise` hides effects in an emulated rig and marks the answers of students.",
+        "`exercise` hides effects in an emulated rig and marks the students' answers.",
         (
             "heli3dof exercise new --seed 8 --level 2 -o next.exercise",
             "heli3dof exercise mark answers",
@@ -225,9 +223,9 @@ def page() -> str:
     """Return the text of the gallery's page."""
     parts = [HEAD]
     for verb, example in EXAMPLES.items():
-        picture = f"![Output of {verb}](../pictures/verbs/{verb}.svg)"
+        picture = f"![{verb} output](../pictures/verbs/{verb}.svg)"
         parts.append(f"## {verb}\n\n{textwrap.fill(example.sentence, 120)}\n\n{picture}\n")
-    parts.append("## The HTML report\n\nThe first screen of the page that `report` writes.\n")
+    parts.append("## The HTML report\n\nThe first screen of the HTML report.\n")
     for scheme, width in PHOTOGRAPHS:
         name = f"{scheme}-{width}"
         parts.append(f"![Report, {scheme}, {width} px](../pictures/report/{name}.png)\n")

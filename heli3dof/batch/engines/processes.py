@@ -82,7 +82,11 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return the start method of workers: a fork server with `PRELOADED` imported, else spawn."""
+    """Return the multiprocessing context that starts the worker processes.
+
+    It uses a fork server, which has imported `PRELOADED`. Where the operating system has no fork
+    server, it uses spawn.
+    """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

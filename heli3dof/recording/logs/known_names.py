@@ -1,4 +1,4 @@
-"""Suggest how columns of another program's log map to those of heli3dof, by common names.
+"""Suggest how to compute heli3dof's columns from another program's, recognised by common names.
 
 Signs differ between laboratories, so a suggestion is never used without the user's decision.
 """
@@ -36,10 +36,11 @@ UNIT = re.compile(r"[\s_(\[]*\b(deg|degrees?|°|rad|radians?|v|volts?|s|sec)[)\]
 
 
 def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Return a mapping, column of heli3dof → expression of a log's ``columns``, by common names.
+    """Return column of heli3dof → expression that computes it from the log's ``columns``.
 
-    Columns of heli3dof that the log already has are left out. An angle without unit counts as
-    radians if it stays within ±2π.
+    The log's columns are recognised by common names, such as ``elevation`` for roll. ``columns``:
+    name → values (N,). Columns of heli3dof that the log already has are left out. An angle without
+    unit in its name counts as radians if it stays within ±2π, otherwise as degrees.
     """
     found: dict[str, str] = {}
     volts: dict[str, str] = {}

@@ -186,8 +186,9 @@ def decode(
 ) -> Recording:
     """Return a `Recording` made of the rows (N,) in the format `RowFormat`.
 
-    ``absent``: fields that the recording lacks; None: the channels whose values are all NaN.
-    ``names``: channels of the message Channels.
+    ``absent``: message fields that the recording lacks. None if the file does not list them: then
+    channels whose values are all NaN are left out. ``names``: names of the further columns, which
+    are in the message Channels.
     """
     column = {
         c.name: np.array(rows[layout.name][c.name])

@@ -1,8 +1,16 @@
 """Read a MAT file's variables as plain Python values, whatever the file's version.
 
-Numbers become arrays without axes of length 1, structures dicts, arrays of structures lists of
-dicts, text ``str``, and objects of MATLAB classes `Opaque`. scipy reads versions 4 to 7; version
-7.3 is HDF5, which the optional h5py reads.
+==========================  ===========================================
+MATLAB                      Python
+==========================  ===========================================
+numbers                     numpy array, without axes of length 1
+structure                   dict
+array of structures         list of dicts
+text                        ``str``
+object of a MATLAB class    `Opaque`
+==========================  ===========================================
+
+scipy reads versions 4 to 7. Version 7.3 is HDF5, which the optional library h5py reads.
 """
 
 from __future__ import annotations
