@@ -226,8 +226,8 @@ class MockRig:
     def read(self) -> Sample:
         """Return a sample without sending a command.
 
-        With ``speed=real`` the rig first simulates the time since the last call; a virtual clock
-        does not advance.
+        With ``speed=real``, the rig first simulates the time since the last call. With any other
+        speed the clock is virtual, and this call does not advance it.
         """
         self._check_open()
         self._catch_up(time.monotonic())

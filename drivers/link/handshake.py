@@ -89,10 +89,14 @@ def check_profile(
 ) -> None:
     """Raise a DeviceError if the device's ``identity`` contradicts the ``profile``.
 
-    The profile contradicts the device if its counts per revolution have another size or sign, its
-    voltage limit is above the device's, or its control period is below the device's shortest sample
-    period. The error names the profile's key. ``name`` is the rig's port or URL. With
-    ``signs="profile"`` the signs may differ; the profile's apply.
+    The cases are:
+
+    - The profile's counts per revolution have another size or sign than the device's. With
+      ``signs="profile"`` the signs may differ; the profile's apply.
+    - The profile's voltage limit is above the device's.
+    - The profile's control period is below the device's shortest sample period.
+
+    The error names the profile's key. ``name`` is the rig's port or URL.
     """
     for axis, theirs in zip(
         AXES, (identity.counts_roll, identity.counts_pitch, identity.counts_yaw), strict=True

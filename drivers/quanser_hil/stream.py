@@ -62,9 +62,9 @@ class StreamStatistics:
 
 
 class EncoderStream:
-    """Reads the samples of a board's encoder task and keeps the device's time.
+    """Reads the samples of a board's encoder task and computes their device times.
 
-    ``dt``: sample period in s.
+    ``dt``: sample period in s. Sample k of a task has the device time k·dt after the task's start.
     """
 
     def __init__(self, board: Board, dt: float) -> None:

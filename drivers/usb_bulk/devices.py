@@ -1,4 +1,4 @@
-"""Finds the rigs on the USB bus, and the one that a URL selects; checks it for ``doctor``.
+"""Finds the rigs on the USB bus; selects a URL's rig, and checks it for ``doctor``.
 
 A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, with any VID:PID
 (USB vendor and product number). The search reads the operating system's copies of the descriptors

@@ -3,7 +3,7 @@
 ::
 
     OUT/results.parquet, results.csv   one row per task
-    OUT/documents/NAME-KEY.json        what the verb prints with --json
+    OUT/documents/NAME-KEY.json        what the verb (subcommand) prints with --json
     OUT/models/, OUT/recordings/       files that the verb writes
     OUT/journal.jsonl                  a line per outcome, as `journal_lines` yields it
 

@@ -81,9 +81,10 @@ class Change:
 
 
 def track_prior(quantities: int) -> Prior:
-    """Return the prior probabilities of changes in one quantity of a rig.
+    """Return the prior probability of each kind of change in one quantity of a rig.
 
-    ``quantities``: number of quantities in the batch's results table.
+    This is the rig's expected number of such changes (`CHANGES_PER_RIG_SEMESTER`), divided by
+    ``quantities``, the number of quantities in the batch's results table.
     """
     return CHANGES_PER_RIG_SEMESTER.scaled(1 / quantities)
 
@@ -180,9 +181,11 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the changes in ``flights``: the most probable one, and after a step those in each part.
+    """Yield the changes in ``flights``, found by recursive search.
 
-    Yields nothing if the flights are too few, or the probability of any change is below `REPORTED`.
+    The most probable change is yielded. If it consists of one or two steps, they divide the flights
+    into parts, and each part is searched, too. Nothing is yielded if the flights are too few, or
+    the probability of any change is below `REPORTED`.
     """
     if not series.is_searchable(flights):
         return

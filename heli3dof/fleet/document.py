@@ -13,10 +13,10 @@
     bad_recordings[]   recording, rig, reason
 
 An estimate has ``value std interval scatter flights``. ``interval`` is the 95 % interval,
-``scatter`` the standard deviation between flights, ``flights`` their number. In ``fleet``, the last
-two refer to rigs instead. ``own`` holds each flight's value, shrunken towards the rig's mean. A
-rig's ``estimate`` and ``own`` use flights of ``plan`` (null: the recordings state no plan). A
-flight has ``recording`` and ``day`` (days since 1970-01-01 UTC; null if the flights are ordered by
+``scatter`` the standard deviation between flights, ``flights`` the number of flights. In ``fleet``,
+the last two refer to rigs instead. ``own`` holds each flight's value, shrunken towards the rig's
+mean. A rig's ``estimate`` and ``own`` use flights of ``plan`` (null: the recordings state no plan).
+A flight has ``recording`` and ``day`` (days since 1970-01-01 UTC; null if flights are ordered by
 name). ``kinds`` gives the probability of each kind of change, ``p_value`` the chance of such a
 difference if all rigs are alike. Numbers are in the quantity's unit; undefined numbers are null.
 """

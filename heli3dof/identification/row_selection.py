@@ -23,7 +23,7 @@ stays longer,
 A filter without stops would treat the impact as process noise. So if a row is at a stop, all rows
 of the flight with the same count are left out.
 
-Rows in flight with a voltage at its limit are kept, because the recorded voltage is the one at the
+Rows in flight with a voltage at its limit are kept, because the recorded voltage is that at the
 motor. Their share is reported.
 """
 

@@ -105,12 +105,13 @@ def continuous(model: LinearModel) -> Continuous:
 
 
 def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
-    """Return the transfer functions' coefficients (num, den), highest power of s first.
+    """Return the transfer functions' numerators and their common denominator: (num, den).
 
     num[i, j]/den is the transfer function from motor j (V) to axis i (rad). With n states, num has
-    the shape (3, 2, n + 1), and den (n + 1,) contains det(sI − A). Without feedthrough, the
-    numerator is det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. A
-    feedthrough D adds D_ij · den.
+    the shape (3, 2, n + 1), and den (n + 1,) contains det(sI − A). In both, the
+    coefficient of the highest power of s is first. Without feedthrough, the numerator is
+    det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. A feedthrough D adds
+    D_ij · den.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))

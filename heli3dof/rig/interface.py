@@ -81,9 +81,10 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The motor voltages of one control period, and their number, which the next sample repeats."""
+    """The motor voltages of one control period, with a sequence number."""
 
     sequence: int
+    """Number of the command; `Sample.sequence` states which command the device executed last."""
     v_front: float
     """V"""
     v_back: float

@@ -33,7 +33,7 @@ ORDERED = (
     *(f"{form.format(axis)}_{u}" for form in ANGLES.values() for axis in AXES for u in ANGLE_UNITS),
 )
 KNOWN = frozenset(ORDERED)
-"""Every column name of the contract, angles in both units"""
+"""Every column name of the contract; an angle has one for degrees and one for radians"""
 
 
 class LogColumns(Section):

@@ -113,7 +113,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class ZeroResult:
-    """Result of `zero`: the measured calibration, and how it differs from the one used before."""
+    """Result of `zero`: the measured calibration, and how it differs from the previous one."""
 
     device: str
     calibration: Calibration

@@ -24,9 +24,9 @@ from tests.paths import ROOT
 
 PICTURES = ROOT / "docs" / "pictures"
 PAGE = ROOT / "docs" / "reference" / "gallery.md"
-HEAD = """# Gallery: what each command prints
+HEAD = """# Gallery of command output
 
-The pictures show each command's typical output on an emulated rig.
+The pictures show each command's output on an emulated rig.
 """
 PHOTOGRAPHS = {
     (scheme, width): height

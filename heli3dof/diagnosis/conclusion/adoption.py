@@ -21,7 +21,7 @@ Even if a condition holds, a cause is dropped for any of these reasons:
 - Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`screening.nulls`). Z is
   the cause's standardised score in the score test. ρ is the factor by which coloured noise
   increases the variance of this score (`bias_correction.coloured_noise`).
-- An encoder error of at most one count explains the data as well (`within_a_count`).
+- An encoder error of at most one count explains the data equally well (`within_a_count`).
 
 If no flights could be simulated, there are two further reasons (`conclusion.unknown_controller`):
 

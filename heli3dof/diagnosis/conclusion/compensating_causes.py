@@ -145,10 +145,10 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return ``residuals``; the text ``resembles`` of the first one states which causes it is like.
+    """Return ``residuals``, with the text ``resembles`` set on the first residual torque.
 
     The text, such as "motor.delay-like", names the first of ``causes`` and the causes confounded
-    with it. If the torque already has a text, this is kept.
+    with it: the torque resembles their effects. An existing text is kept.
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

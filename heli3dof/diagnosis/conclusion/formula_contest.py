@@ -5,7 +5,7 @@ k V_f V_b (front and back voltage) is, to first order about hover, a thrust mism
 torque. So each cause, each pair and all causes together are compared with a formula in their place:
 a torque c φ on one axis. The axis and the product φ of measured quantities are those that explain
 most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
-filter updates), ℓ_φ the one with the formula. With K formulas and the fit's variance inflation κ
+filter updates), ℓ_φ that with the formula. With K formulas and the fit's variance inflation κ
 (`Estimate.inflation`), the formula replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`

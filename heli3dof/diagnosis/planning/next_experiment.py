@@ -1,8 +1,8 @@
 """Recommend the plan that separates the confounded causes in the shortest time.
 
-Each cause i in turn is taken as the truth, with its estimated size. Every plan is simulated on this
-model in closed loop, with noise and encoders. The score test (`screening.score_test`) gives the
-score of each cause j. z_j is this score minus that on a flight simulated without these causes:
+For each cause i, every plan is simulated in closed loop on the base model with this cause at its
+estimated size, with noise and encoders. The score test (`screening.score_test`) gives the score of
+each cause j. z_j is this score minus that on a flight simulated without these causes:
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i
 

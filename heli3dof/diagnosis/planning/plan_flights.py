@@ -58,7 +58,11 @@ def is_stable(model: GreyBoxModel, profile: Profile) -> bool:
 
 
 def fly_task(task: Task, model: GreyBoxModel) -> Recording | None:
-    """Return a simulated flight on a stable model, with noise; None if it leaves the envelope."""
+    """Return the task's flight on ``model``, simulated in closed loop with noise.
+
+    The profile's controller must stabilise the model (`is_stable`). The result is None if the
+    flight leaves the envelope, or if `simulate` raises an error for a plan that opens loops.
+    """
     if task.signals.opened is None:
         references = _reference_recording(task)
     else:

@@ -5,12 +5,13 @@ the gain in log-likelihood ℓ is computed at a value w of the term's first para
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
-θ and a are the base fit's parameters and noise intensities. w ascends the term's grid while Δℓ(w)
-rises. A term is fitted in full if both conditions hold at the last w:
+θ and a are the base fit's parameters and noise intensities. w ascends the term's grid as long as
+Δℓ(w) rises; ŵ is the last value at which it rose. A term is fitted in full if both hold:
 
-1. Δℓ > `MIN_TRIAL_GAIN`.
-2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over flights simulated from the
-   base fit. Δℓ varies widely for an axis with little motion.
+1. Δℓ(ŵ) > `MIN_TRIAL_GAIN`.
+2. If the controller is known: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`, with the largest gain
+   Δℓ_null over flights simulated from the base fit. Without this condition, an axis with little
+   motion could have a large Δℓ by chance.
 """
 
 from __future__ import annotations

@@ -185,10 +185,10 @@ def bias_corrected(
 ) -> CorrectedFit:
     """Return the fit near an optimum, bias-corrected if the controller is known.
 
-    ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
-    On a limit cycle, a second fit also uses edge rates (how often encoder counts change). Of both
-    fits, the one with the smaller `unexplained_scatter` is returned. The inertias have a narrow
-    prior if one is implausible without it.
+    ``current``: the fit without the optimum's new terms, as a second starting point
+    (`correction_starts`). On a limit cycle, a second fit also uses edge rates (how often encoder
+    counts change); the fit with the smaller `unexplained_scatter` is returned. If the fit gives an
+    implausible inertia, it is repeated with a narrow prior on the inertias.
     """
     return with_plausible_inertias(problem, lambda p: _corrected(setup, p, optimum, current))
 

@@ -211,7 +211,7 @@ def _evaluate(
 
 
 def settling_s(problem: Likelihood) -> float:
-    """Return how long before the evaluated rows the filter starts, in s."""
+    """Return the filter's settling time in s, from its start to the first evaluated row."""
     has_backlash = any(t.effect.starts for t in problem.structure.terms)
     return BACKLASH_SETTLE_S if has_backlash else SETTLE_S
 

@@ -34,7 +34,7 @@ class RigExchange:
         self.device_skipped = 0
         """How many of the ``skipped`` periods have no sample because the device made none"""
         self.unreadable: Trip | None = None
-        """Why the last sample could not be used (`exchange` returned the one before), or None"""
+        """Why the last sample could not be used (`exchange` returned the previous one), or None"""
 
     def start(self) -> Sample:
         """Arm the rig and return the first sample of the flight."""

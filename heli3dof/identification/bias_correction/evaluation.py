@@ -118,10 +118,12 @@ def fixed_parameters(problem: Likelihood) -> np.ndarray:
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     """Return the derivatives ∂c/∂θ (n, E) of the filter's E predicted readings c.
 
-    They are computed at the scaled parameters ``theta`` (n,) along the filter's states ``p``, by
-    `bias_correction.perturbation`. `Likelihood.tangents` computes two kinds of rows by simulation
-    instead: of parameters that change the encoder readings, and those for which the perturbation
-    diverges (negative dry friction).
+    Row j, for parameter j of ``theta`` (n,), is computed along the filter's states ``p`` by
+    `bias_correction.perturbation`. In two cases, `Likelihood.tangents` computes it by simulation
+    instead:
+
+    - The parameter's effect changes the encoder readings (`Stage.MEASURE`), such as backlash.
+    - The perturbation diverges (negative dry friction).
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

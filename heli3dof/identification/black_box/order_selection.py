@@ -93,7 +93,7 @@ def past_window(d: Decimated, largest_order: int) -> int:
 
     The order is the number of samples in `PAST_S`. If this is too small for a model with
     ``largest_order`` states, the order is ⌈largest_order/3⌉ + 2. With few rows, the order is
-    limited to a 30th of their number, but not below 2.
+    limited to a 30th of the number of rows, but not below 2.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)

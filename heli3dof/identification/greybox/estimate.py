@@ -164,7 +164,7 @@ def _likeliest_start(
 
     Some effects, such as ``encoder.backlash``, have a likelihood with zero slope at the nominal
     value, and possibly several maxima. Such an effect lists start values in ``starts``. For its
-    first parameter, these values and the one in ``theta`` are tried; the likeliest is returned. The
+    first parameter, these values and that in ``theta`` are tried; the likeliest is returned. The
     other parameters are those in ``theta``. The noise, re-estimated at these parameters, is process
     noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """

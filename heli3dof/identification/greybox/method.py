@@ -163,7 +163,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
     """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, warning or ``""``.
 
     For an effect that is absent from the recordings, the standard deviation is at least the
-    distance of the value from the one without effect (0, for most parameters).
+    distance of the value from that at which the effect vanishes (0, for most parameters).
     """
     least = np.where(found.absent, found.values - [f.null for f in found.free], 0.0)
     std = np.maximum(found.std, least)

@@ -45,8 +45,8 @@ def offset(s: Any, par: Any, mem: Any, out: Any) -> None:
 def scale(s: Any, par: Any, mem: Any, out: Any) -> None:
     """The count per revolution is wrong: reading = rest + k (angle − rest).
 
-    ``rest`` is the angle at which the encoder's count is zero. Instead of k, other inertias and
-    stiffnesses fit nearly as well; only sines and cosines of the angle distinguish them from k. k
+    ``rest`` is the angle at which the encoder's count is zero. Other inertias and stiffnesses
+    fit the data nearly as well as k; only sines and cosines of the angle distinguish them from k. k
     also scales the variance of the readings. A fit and a score test ignore this, so their results
     for k are biased. Instead of fitting k, compare the encoder's data sheet with the counts per
     revolution in the profile.

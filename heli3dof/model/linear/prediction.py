@@ -161,9 +161,10 @@ def noise(
 
 
 def _forced(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, h: int) -> np.ndarray:
-    """Return the part of the h-sample predictions (N, 3) that the latest inputs u (N, 2) cause.
+    """Return the effect (N, 3) of the last h − 1 inputs on predictions h samples ahead, in rad.
 
-    Row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i].
+    Row k, the effect on the prediction of sample k, is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i]. u (N, 2):
+    motor voltages minus trim, in V.
     """
     taps = np.empty((h - 1, 3, 2))
     AB = B

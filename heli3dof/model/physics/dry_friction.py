@@ -158,9 +158,10 @@ apply_dry_friction = compiled(_apply_dry_friction, leaf=True, error_model="numpy
 def _apply_friction_to_covariance(P, h, w, row):  # type: ignore[no-untyped-def]
     """Apply dry friction to the covariance P (6, 6) of x; w is from `_apply_dry_friction`.
 
-    For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ. t (6,) is the change of x by friction per change
-    of the rate v_i, e_i the unit vector of v_i. Then the variance of v_i becomes Var S. h (s) is
-    the step, ``row`` (6,) work space.
+    For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ, with t = ∂(Δx)/∂v_i (6,). Δx is the change of x
+    by friction, v_i the joint's rate, e_i the unit vector of v_i in x. Then the variance of v_i in
+    P is replaced by Var S, the variance of the rate after friction. h (s): step; ``row`` (6,): work
+    space.
     """
     for i in range(3):
         rho = w[2, i]

@@ -61,7 +61,7 @@ def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
 
 
 def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
-    """Raise RecordingError if an angle's unit is not the one in its name; return warnings.
+    """Raise RecordingError if an angle's name states a wrong unit; return warnings.
 
     Warnings: an angle that is constant, moves against its voltages, is off the encoder's grid, or
     may have another unit. ``source`` is the log's name for messages. ``columns`` are those of
@@ -260,7 +260,7 @@ def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
 
 
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
-    """Return the error for an angle whose unit is not the one in its name.
+    """Return the error for an angle whose name states a wrong unit.
 
     ``source``: the log; ``name``: the column; ``unit``: its stated unit; ``evidence``: text that
     shows the error.

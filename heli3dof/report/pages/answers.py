@@ -107,7 +107,10 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return the report's answers from a comparison; they concern its first recording."""
+    """Return what a comparison answers on its first recording, each an `Answer`.
+
+    The questions: how wrong the simulation is, which model predicts best, what to do next.
+    """
     flight = comparison.flights[0]
     if not flight.models:
         return []

@@ -186,9 +186,9 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's name for the model that corresponds to ``model``; None if it has none.
+    """Return the label under which the paper's results list ``model``; None if they do not.
 
-    The name is "hover" for the hover model, and "identification" for the first identified model of
+    The label is "hover" for the hover model, and "identification" for the first identified model of
     ``models``.
     """
     if model.kind == "hover":

@@ -192,7 +192,11 @@ class EstopResult:
 
 
 def request_estop(device: str | None, reason: str) -> EstopResult:
-    """Stop the rig at the URL ``device``, or every rig if None; the result lists failures, too."""
+    """Stop the rig at the URL ``device``, or every rig if None; return one result per device.
+
+    A failed stop raises no error; ``unconfirmed`` lists it. An invalid URL raises UsageError.
+    ``reason`` is stored in the recording of the flight that the stop ends.
+    """
     reached, skipped = stop_rigs(device, reason)
     return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
 
