@@ -93,7 +93,7 @@ def test_a_file_whose_parameters_do_not_fit_its_terms_is_refused(tmp_path: Path)
     data = json.loads(path.read_text())
     data["terms"].pop()
     path.write_text(json.dumps(data))
-    with pytest.raises(RecordingError, match="its terms ask for"):
+    with pytest.raises(RecordingError, match="its terms need"):
         read_model(path)
 
 

@@ -125,10 +125,10 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
         ({"dt_s": None}, "lacks the key 'dt_s'"),
         ({"A": [[1, 2]]}, "A has the shape (1, 2), not (1, 1)"),
         ({"u0_V": [1, 2, 3]}, "u0_V has the shape (3,), not (2,)"),
-        ({"A": "text"}, "does not hold together"),
-        ({"A": 3}, "does not hold together"),
+        ({"A": "text"}, "is inconsistent"),
+        ({"A": 3}, "is inconsistent"),
         ({"dt_s": 0}, "dt_s is 0.0"),
-        ({"dt_s": "fast"}, "does not hold together"),
+        ({"dt_s": "fast"}, "is inconsistent"),
         ({"y0_rad": [0, 0, None]}, "y0_rad holds null"),
     ],
 )
