@@ -55,7 +55,7 @@ class MockDriver:
         return ["mock:"]
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
-        """Return the open emulated rig; ``profile`` applies unless the URL names another profile.
+        """Return the emulated rig; ``profile`` applies unless the URL names another profile.
 
         Raises UsageError for a bad option, ProfileError for a bad profile.
         """
@@ -153,7 +153,7 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
 
 
 class MockRig:
-    """An open emulated rig; implements `heli3dof.rig.interface.Rig`."""
+    """The emulated rig of a ``mock:`` URL; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(self, profile: Profile, options: MockOptions | None = None) -> None:
         if options is None:

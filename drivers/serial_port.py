@@ -44,7 +44,7 @@ class SerialDriver:
         return is_known(url.where)
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Return a name of the device at the port, with its USB serial number if it has one."""
+        """Return a name of the device; with a USB serial number it is the same at every port."""
         from .link.serial_ports import persistent_name
 
         return url.where if "+" in url.scheme else persistent_name(url.where)

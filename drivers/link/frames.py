@@ -2,7 +2,7 @@
 
     frame   = COBS(header body check) 0x00
     header  = version u8, type u8, number u32
-    check   = crc16(header body), crc16(header body in reverse order)
+    check   = crc16(header body), crc16(the same bytes, last one first)
 
 All integers are little-endian; all frames of one type have the same length. Voltages are whole
 microvolts, currents whole milliamperes, times whole microseconds, so no frame can hold a NaN.

@@ -41,11 +41,11 @@ def is_known(path: str) -> bool:
 
 
 def persistent_name(path: str) -> str:
-    """Return a name of the device at the port ``path``: USB vendor, product and serial number.
+    """Return a name of the device at the port ``path`` that is the same at every port, if possible.
 
-    So a USB device has the same name at every port. A USB device without a serial number is named
-    by vendor, product and its USB port. A pseudo-terminal's name is its path with its creation
-    time, because the system reuses the path; any other port's name is its path.
+    The name consists of USB vendor, product and serial number. A USB device without a serial number
+    is named by vendor, product and its USB port. A pseudo-terminal's name is its path with its
+    creation time, because the system reuses the path; any other port's name is its path.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path

@@ -1,4 +1,7 @@
-"""Choose the device URL: ``--device``, else the only real rig found, else the emulated rig."""
+"""Choose the device URL: ``--device``, or by default the rig that is found.
+
+The default is the real rig if exactly one is found, and the emulated rig if none is.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +25,11 @@ AnyDevice = Annotated[
 
 
 def device_or_default(out: Output, device: str | None) -> str:
-    """Return ``device``; if it is None, the URL of the only real rig, else of the emulated rig.
+    """Return ``device``; if it is None, the URL of the rig that is found.
 
-    If this function chooses the emulated rig, it prints a note. Raises UsageError if it finds
-    several real rigs, or if no driver can open the URL.
+    That is the real rig if exactly one is found. If none is found, it is the emulated rig, and this
+    function prints a note. Raises UsageError if several real rigs are found, or if no driver can
+    open the URL.
     """
     from heli3dof.rig.drivers import MOCK, check_url, default_device
 

@@ -1,4 +1,4 @@
-"""``heli3dof doctor``: checks link, permissions, clock, latency; prints how to correct them."""
+"""``heli3dof doctor``: checks link, permissions, clock, latency; prints a fix for each fault."""
 
 from __future__ import annotations
 

@@ -128,9 +128,9 @@ class Comparison(Result):
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas data frame with a row per recording, model and axis.
 
-        The model ``experiment`` is the measurement. Columns: the six metrics,
-        ``replay_rmse_deg``, and ``rmse_deg_H_s`` of predictions H s ahead. Raises UsageError if
-        pandas is missing.
+        Rows with ``experiment`` in place of a model's name contain the measured metrics. Columns:
+        the six metrics, ``replay_rmse_deg``, and ``rmse_deg_H_s`` of predictions H s ahead. Raises
+        UsageError if pandas is missing.
         """
         rows = [row for f in self.flights for row in _rows(f)]
         return optional("pandas").DataFrame(rows).set_index(["recording", "model", "axis"])

@@ -39,7 +39,7 @@ def diagnosis_document(
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
     catalogue's recommendation for the first confounded cause. Besides the keys of
     `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
-    adopted) and ``about``.
+    adopted) and ``about`` (seed, null simulations, threshold, computing times).
     """
     f = d.fitted
     about = dict(d.about)

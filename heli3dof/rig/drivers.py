@@ -112,7 +112,7 @@ MOCK = "mock:"
 
 
 def default_device() -> str:
-    """Return the URL of the only real rig found; if there is none, `MOCK`, the emulated rig's URL.
+    """Return the real rig's URL if exactly one is found; `MOCK`, the emulated rig's, if none is.
 
     Raises UsageError if several real rigs are found.
     """

@@ -42,8 +42,8 @@ def mass_hover_voltage(profile: Profile) -> float:
 def estimated_hover_voltage(profile: Profile) -> float:
     """Return an estimate of the hover voltage per motor (V), to be used until it is measured.
 
-    It is |V_m| with the sign of −(rest angle in roll), or V_m if that angle is 0. V_m:
-    `mass_hover_voltage`.
+    V_m is the hover voltage from the masses (`mass_hover_voltage`). The estimate is |V_m| with the
+    sign of −(rest angle in roll), or V_m if that angle is 0.
     """
     size = mass_hover_voltage(profile)
     rest = profile.encoder.roll_rest_deg

@@ -1,8 +1,8 @@
 """Adopt the causes that improve the prediction of held-out data, and drop the others.
 
 Backward elimination: each cause is left out once, and the others are fitted again. The gain Δℓ of
-the cause is the log-likelihood of held-out data with it, minus that without it (`validation.gain`).
-A cause is adopted if one of these conditions holds:
+the cause is the log-likelihood of held-out data in the model with it, minus that in the model
+without it (`validation.gain`). A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
 2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score (a BIC, `selection.select`) is
@@ -80,10 +80,10 @@ OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
 MIN_GAIN = TIE / 2
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
 LARGE_GAIN = 12.0
-"""Least gain in log-likelihood in condition 3. Without the effect, the mean of exp Δℓ on held-out
-data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's inequality). A phase or instant
-that is estimated on the held-out data raises that mean by about √(2π) z, z the torque's size in
-standard deviations."""
+"""Least gain in log-likelihood in condition 3. On a rig without the effect, the mean of exp Δℓ on
+held-out data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's inequality). A phase
+or instant that is estimated on the held-out data raises that mean by about √(2π) z, z the torque's
+size in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,8 +87,9 @@ def _undecided(
 ) -> AdoptionResult:
     """Return ``start`` with all its causes marked "…-like", and with the residual torques ``left``.
 
-    A formula explained the flight better than the causes ``removed``, but without these causes no
-    residual torque is significant. So all are uncertain. ``left``: torques of the first search.
+    A formula explained the flight better than the causes ``removed``, but in the model without
+    these causes no residual torque is significant. So all causes and torques are uncertain.
+    ``left``: torques of the first search.
     """
     findings = tuple(replace(f, unconfirmed=True) for f in start.findings)
     return replace(
@@ -102,7 +103,7 @@ def _undecided(
 def _without(
     setup: Setup, now: AdoptionResult, names: Sequence[str], holdout: Sequence[Recording]
 ) -> AdoptionResult:
-    """Return the result without the causes ``names``; refit the others, adopt or drop each."""
+    """Return ``now`` after removing the causes ``names``; the others are refitted and tested."""
     found = now.fit
     for f in now.findings:
         if f.term.name in names:
@@ -115,7 +116,11 @@ def _adopted_again(
     setup: Setup, now: AdoptionResult, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
 ) -> AdoptionResult:  # fmt: skip
-    """Return the result for ``found``, the fit without ``names``; adopt or drop its causes."""
+    """Return the adoption result for ``found``, the fit of ``now`` without the causes ``names``.
+
+    `adopted` decides again on each remaining cause. The result lists ``names`` as dropped, with the
+    gains that they had in ``now``.
+    """
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
     result = adopted(found, kept, holdout, seed=setup.seed)

@@ -9,11 +9,13 @@ These findings are doubtful:
 
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
 
-2. `mass.change` with more than one recording, or at a constant voltage. With more than one, the
-   change is at the same time after the first sample of each: probably a drift, for example of
-   warming motors. At a constant voltage, a weight and a thrust are the same torque.
-3. If the controller is unknown, a cause that single recordings do not confirm (see below). No
-   flights can be simulated then, so no other test shows that the cause is only a model error.
+2. `mass.change` in a fit to several recordings, or at a constant voltage. Such a fit has one
+   instant of change, counted from the first sample of each recording. That the mass changes at the
+   same instant in every recording is unlikely; a drift, such as warming motors, explains it better.
+   At a constant voltage, an added weight and a lower thrust have the same torque.
+3. If the controller is unknown, a cause that single recordings do not confirm (see below). Without
+   a controller no flights can be simulated, so no other test shows whether the cause is only a
+   model error.
 
 **Single recordings** (rule 3). A joint fit also attributes differences between recordings (warm
 motors, battery, thrust at another voltage) to the terms. The likelihood's σ does not contain these
@@ -24,7 +26,7 @@ cause if both hold:
     significant:   max_i |θ_i − θ_0|/σ_i ≥ `SIGNIFICANT`
     of equal size: |θ_i − θ_j| ≤ `SIGMAS_99` √(σ_i² + σ_j²)     for all i, j
 
-Recordings that cannot be fitted are ignored. If fewer than two are left, every cause is confirmed.
+Recordings that cannot be fitted are ignored. If fewer than two are left, this test is skipped.
 A periodic torque and an added mass are neither fitted nor tested here: only a scan finds their
 frequency or instant.
 """

@@ -11,7 +11,8 @@ units of the probe) and its statistic Z are at least
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
 and at most those for the opposite limit. v_i is the information of probe i, std_i the standard
-deviation of its score in flights simulated without it. Effect i is confounded with parameter j if
+deviation of its score in simulated flights without the effect. Effect i is confounded with
+parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `SIGMAS_99`.
@@ -134,11 +135,11 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     return plausible_terms(step, ((i, *a) for i in grow for a in size_ranges(i)))
 
 
-def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms whose size α may lie in a given range, according to their measured Z.
+def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
+    """Return the names of the terms with a probe that meets the module's conditions 1 and 2.
 
-    They meet the module's conditions 1 and 2. ``amounts``: (index i of a probe, least α, most α),
-    with α in units of the probe.
+    ``ranges``: (probe index i, least α, largest α). With a size α in this range, the effect of
+    probe i alone explains the wrong parameter. α is in units of the probe.
     """
     screen, Z = step.screen, step.Z
 
@@ -159,7 +160,7 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
         low, high = sorted((least * z_per_unit, most * z_per_unit))
         return bool(low - SIGMAS_99 < float(Z[i]) < high + SIGMAS_99)
 
-    return tuple(dict.fromkeys(screen.plain[i].name for i, *a in amounts if is_plausible(i, *a)))
+    return tuple(dict.fromkeys(screen.plain[i].name for i, *a in ranges if is_plausible(i, *a)))
 
 
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:

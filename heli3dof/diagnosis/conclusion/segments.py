@@ -6,9 +6,10 @@ log-likelihoods in cell c, the standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
 
-S_a − S_b replaces 2 (ℓ_a − ℓ_b), because it also corrects bias and the numbers of parameters. If
-S_a − S_b < `MIN_CLEARANCE` · s, cause a is confounded with b. Otherwise the confidence in a is at
-most Φ((S_a − S_b)/s). Causes compared by simulated flights (`selection.rivals`) are not tested.
+The difference S_a − S_b is used in place of 2 (ℓ_a − ℓ_b), because the scores are corrected for
+bias and for the number of parameters. If S_a − S_b < `MIN_CLEARANCE` · s, cause a is confounded
+with b. Otherwise the confidence in a is at most Φ((S_a − S_b)/s). Causes compared by simulated
+flights (`selection.rivals`) are not tested.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ MIN_SCORE_SHARE = 0.5
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings; ``tied_with`` also names causes that flight segments do not separate."""
+    """Return the findings, with further confounded causes in their ``tied_with``.
+
+    The segments of the flight do not separate these causes from the finding.
+    """
     adopted = {f.term.name for f in findings}
     return tuple(
         replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
@@ -43,10 +47,10 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice; ``tied_with`` also names candidates that Vuong's test does not separate.
+    """Return the choice, with further confounded candidates in its ``tied_with``.
 
-    The test compares log-likelihoods in segments of the flight. The ``adopted`` causes are not
-    tested.
+    Vuong's test does not separate these candidates from the choice. It compares log-likelihoods in
+    segments of the flight. The ``adopted`` causes are not tested.
     """
     best, *others = choice.candidates
     if best.term.effect.of_base:

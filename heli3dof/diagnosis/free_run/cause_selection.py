@@ -8,8 +8,8 @@ no effect. The confidence level (two-sided) at which the parameter differs from 
 For a parameter that varies by recording, P follows from χ² of its values. A term is a cause if all
 of these hold:
 
-- Without it, held-out blocks are predicted worse, or its prior already excludes that it has no
-  effect (a term known beforehand, `free_run.elimination`).
+- A fit without the term predicts held-out blocks worse, or the term's prior already excludes that
+  the term has no effect (a term known beforehand, `free_run.elimination`).
 - P ≥ `LEVEL`, and the estimate is not mostly the prior: σ is clearly below the prior's standard
   deviation (`MultiStepFit.mostly_prior`).
 - The estimates from both halves of the data agree, and each is significant. A half is every other
@@ -103,8 +103,8 @@ def contradicted(result: Elimination, r: TermResult) -> str:
 def confidence(result: Elimination, r: TermResult) -> float:
     """Return the probability that the term's effect is not zero.
 
-    It is at most the share of bootstrap draws in which held-out predictions without the term are
-    worse. This limit does not apply to a term known beforehand.
+    It is at most the share of bootstrap draws in which a fit without the term predicts held-out
+    data worse. This limit does not apply to a term known beforehand.
     """
     P = probability_nonzero(result.fit, r.term)
     known = r.term in known_beforehand(result.fit.problem)

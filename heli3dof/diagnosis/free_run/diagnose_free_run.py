@@ -202,7 +202,7 @@ def _without_each(
     result: Elimination, causes: Sequence[TermResult], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
-    """Return {cause: (prediction errors without it, prediction errors with it)}.
+    """Return {cause: (prediction errors of the model without it, of the model with it)}.
 
     The errors are on the recordings ``held``, else on blocks left out, else (if no blocks were left
     out) on the fitted recordings ``whole``.

@@ -64,7 +64,7 @@ NORMAL = NormalDist()
 
 @dataclass(frozen=True)
 class LossIncrease(Interval):
-    """Increase Δ of the held-out loss without a term, with its bootstrap interval."""
+    """Increase Δ of the loss on held-out data when a term is left out, with bootstrap interval."""
 
     std: float
     positive: float
@@ -87,7 +87,7 @@ class LeaveOneOut:
 
 @dataclass(frozen=True, eq=False)
 class TermResult:
-    """A term, and the increase of the held-out loss without it."""
+    """A term, and the increase of the loss on held-out data when the term is left out."""
 
     term: str
     trial: LeaveOneOut
@@ -192,10 +192,10 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the result for the effect ``name`` if the term ``added`` cancels it.
+    """Return the result for the effect ``name``, which the term ``added`` cancels.
 
-    It contains the increase of the held-out loss. For example, ``base.hover`` (the linear model)
-    cancels ``geometry``.
+    The result contains the increase of the held-out loss. For example, ``base.hover`` (the linear
+    model) cancels ``geometry``.
     """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
@@ -209,7 +209,12 @@ def with_confounded_terms(
     seed: int,
     progress: Progress = lambda s: None,
 ) -> list[TermResult]:
-    """Return the causes; the ``tied_with`` of each contains the effects that can replace it."""
+    """Return the causes; the ``tied_with`` of each contains the effects that can replace it.
+
+    The test puts the effect in the cause's place and refits. The effect can replace the cause if
+    the held-out loss does not increase significantly. Without cross-validation, the cost Q must
+    increase by less than `SIGMAS_99`².
+    """
     fit = result.fit if result.last is None else result.last.fit
     progress("Testing the other effects of the catalogue …")
     tests = score_tests(fit)
@@ -296,9 +301,10 @@ def training_cost(current: FitWithFolds, trial: LeaveOneOut) -> float:
 
 
 def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
-    """Return the fit's mean loss (m,) on the windows ``test``, in m cells of `WINDOW_S`.
+    """Return the mean loss (m,) of the fit ``full`` in each of m cells of held-out flight.
 
-    ``scale``: RMS errors s by horizon and axis, to which the loss is relative.
+    A cell is `WINDOW_S` seconds long. ``test``: the held-out prediction windows. ``scale``: RMS
+    errors s by horizon and axis, by which the prediction errors are divided.
     """
     windows = replace(test, structure=full.structure, varying=full.problem.varying)
     each = windows.errors(full.z, full.noise, STAGE_S)

@@ -75,9 +75,10 @@ LARGEST_RATIO = 2.0
 def unexplained_effects(
     fit: MultiStepFit, flights: Sequence[Recording], runs: Sequence[Recording] = ()
 ) -> list[dict[str, Any]]:
-    """Return a JSON object, with a ``sentence``, for each effect that the fit does not explain.
+    """Return a list of JSON objects: take-offs and creep that the fitted model does not explain.
 
-    ``flights``: the fitted recordings; ``runs``: recordings that lack an angle and are not fitted.
+    Each object has a ``sentence``. ``flights``: the fitted recordings, examined for take-offs.
+    ``runs``: recordings examined for creep; they lack an angle, so they are not fitted.
     """
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
     out += [x for r in runs for x in creep(fit, r)]

@@ -89,7 +89,7 @@ def exceeds_nulls(
 ) -> bool:
     """Return True if the trial's Δℓ exceeds that in every simulated flight by `MIN_TRIAL_GAIN`.
 
-    Δℓ is the gain in log-likelihood by the trial's term. ``nulls``: flights simulated without it.
+    Δℓ is the gain in log-likelihood by the trial's term. ``nulls``: simulated without the term.
     """
     ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 

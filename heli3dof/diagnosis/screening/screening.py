@@ -24,7 +24,7 @@ ONE_SIDED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """A fit's score test: the recordings' scores, and their distribution without the effects."""
+    """A fit's score test: the recordings' scores, and their distribution in the nulls."""
 
     fit: CorrectedFit
     """The current fit: the base with all causes of earlier steps"""

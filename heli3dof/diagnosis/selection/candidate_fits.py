@@ -1,4 +1,4 @@
-"""Fit the candidates of a step in full, each added to the current fit.
+"""Refit the current model with one candidate added, for each candidate of a step.
 
 The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). With
 the nulls' variance inflation κ and N filter updates, the score of a term with m parameters is BIC's
@@ -46,7 +46,7 @@ MAX_SCORE_PER_Z2 = 30.0
 
 @dataclass(frozen=True, eq=False)
 class CandidateFit:
-    """The full fit of one candidate, added to the current fit."""
+    """The result of refitting the current model with one candidate effect added."""
 
     term: Term
     problem: Likelihood

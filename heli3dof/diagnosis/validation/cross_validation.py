@@ -74,7 +74,7 @@ _LOG_STEP = 0.4  # step of the log intensity, for finite differences
 def on_holdout(
     fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
-    """Evaluate a fit, or its model with parameters θ (n,), on recordings it was not fitted to."""
+    """Evaluate a fit, or its model with parameters θ (n,), on recordings not used in the fit."""
     problem, optimum = problem_of(fit.structure, recordings), fit.optimum
     theta = optimum.theta if theta is None else theta
 

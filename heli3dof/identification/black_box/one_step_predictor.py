@@ -23,8 +23,8 @@ def filter_states(
 ) -> np.ndarray:
     """Return the one-step predictor's states x̂ (N, n), which start at x0 (n,).
 
-    At (n, n) is Ã = A − K C, B (n, m) the input matrix, K (n, l) the predictor's gain. u (N, m) are
-    the inputs, y (N, l) the measured outputs.
+    ``At`` (n, n) is Ã = A − K C, ``B`` (n, m) the input matrix, ``K`` (n, l) the predictor's gain.
+    ``u`` (N, m) are the inputs, ``y`` (N, l) the measured outputs.
     """
     N, n = u.shape[0], At.shape[0]
     m, l = u.shape[1], y.shape[1]
@@ -50,8 +50,8 @@ def filter_states(
 def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
     """Return C Ã^k (N, l, n) for k = 0 … N − 1: the output's sensitivity to the initial state.
 
-    At (n, n) is Ã = A − K C, C (l, n) the output matrix. After all entries have fallen below 1e-14,
-    the following ones are set to 0.
+    ``At`` (n, n) is Ã = A − K C, ``C`` (l, n) the output matrix. After all entries have fallen
+    below 1e-14, the following ones are set to 0.
     """
     n, l = At.shape[0], C.shape[0]
     out = np.zeros((N, l, n))
@@ -87,10 +87,10 @@ def output_sensitivities(
 ) -> None:
     """Fill ``out`` (N, l, p) with the output's sensitivity ∂ŷ/∂θ to p parameters θ.
 
-    At (n, n) is Ã = A − K C, C (l, n) the output matrix, u (N, m) the inputs, y (N, l) the outputs.
-    dW (n, n+m+l, p) is ∂[Ã B K]/∂θ, dC (l, n, p) is ∂C/∂θ. x (N, n) are the states that
-    `filter_states` returns. ``xi`` (n, p) is ∂x̂/∂θ at the first row; the function overwrites it
-    with the value after the last row.
+    ``At`` (n, n) is Ã = A − K C, ``C`` (l, n) the output matrix. ``u`` (N, m) are the inputs, ``y``
+    (N, l) the outputs, ``x`` (N, n) the states that `filter_states` returns. ``dW`` (n, n+m+l, p)
+    is ∂[Ã B K]/∂θ, ``dC`` (l, n, p) is ∂C/∂θ. ``xi`` (n, p) is ∂x̂/∂θ at the first row; the function
+    overwrites it with the value after the last row.
     """
     N, n = x.shape
     m, l, p = u.shape[1], y.shape[1], xi.shape[1]

@@ -16,7 +16,8 @@ The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predic
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
 has the same constant term. Many pairs (y0, u0) have this property. `trims` takes the one with the
-least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's means.
+least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's means. The 20 is the weight
+`VOLT_FOR_RADIAN`.
 """
 
 from __future__ import annotations
@@ -107,9 +108,9 @@ def trims(
     """Return trims u0 (2,) V and y0 (3,) rad that replace the model's constant output offset d.
 
     The model describes deviations from the data's means, u_mean (2,) V and y_mean (3,) rad. The
-    trims differ from these means by δu0 and δy0. They are the solution of
+    trims differ from these means by δu0 and δy0. (δu0, δy0) is the solution of
     [I − C G K] δy0 − C G B δu0 = d, G = (I − Ã)⁻¹, Ã = A − K C, with the least
-    ‖δy0‖² + ‖δu0/20‖².
+    ‖δy0‖² + ‖δu0/20‖² (`VOLT_FOR_RADIAN` = 20).
     """
     n, l = model.order, len(model.C)
     CG = model.C @ np.linalg.pinv(np.eye(n) - model.At)

@@ -1,8 +1,10 @@
-"""Fits to closed-loop recordings with a known controller, also on encoder limit cycles.
+"""Fits to closed-loop recordings with a known controller.
 
-- `setup`: the settings of such a fit
+At a constant reference, the encoders may be on a limit cycle of one or two counts. It biases a fit.
+
+- `setup`: the settings of a fit
 - `base_fit`: fits the base simulation, the model to which a diagnosis adds effects
-- `limit_cycle`: detects limit cycles, estimates the process noise on them
-- `edge_rates`: fits on limit cycles that also match how often the encoder counts change
-- `identify_correction`: decides for ``identify`` whether and how a fit is corrected
+- `limit_cycle`: detects limit cycles; estimates the process noise during one
+- `edge_rates`: on a limit cycle, a fit that also matches how often the encoder counts change
+- `identify_correction`: corrects the bias of ``identify``'s fits whose scores scatter too much
 """

@@ -4,10 +4,10 @@
 
 Z_ik is the probability of reading k of axis i, given all earlier readings and reading k of the axes
 before i. The filter of `heli3dof.model.estimation.ekf_quantised` computes it. θ (n,) are the scaled
-parameters: logarithms, or multiples of a typical size (`FreeParameter.scaled`). a (4,) is the
-noise: process noise on roll, pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior N(start,
-spread²) of each parameter is weak. It matters only for parameters on which the recordings have no
-information.
+parameters: logarithms, or multiples of a typical size (`FreeParameter.scaled`). The noise vector
+a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior
+N(start, spread²) of each parameter is weak. It matters only for parameters on which the recordings
+have no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
 rejects these parameters. If the derivatives by one parameter diverge, they are set to zero, so only
@@ -92,7 +92,7 @@ class Likelihood:
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
-        a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s); ``keep`` as in
+        ``a`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s); ``keep`` as in
         `filter_quantised`.
         """
         return filter_quantised(

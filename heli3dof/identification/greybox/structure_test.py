@@ -52,9 +52,9 @@ def with_simplifications(found: Estimate) -> Estimate:
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood by a, at a = 0.
 
-    a (2,) are the omitted shares (0 to 1) of two parts of the equations of motion: the inertia
-    couplings, and the variation of the yaw inertia with the angles. For each a, the log-likelihood
-    is maximised over the parameters of ``found``.
+    The vector a (2,) contains the omitted shares (0 to 1) of two parts of the equations of motion:
+    the inertia couplings, and the variation of the yaw inertia with the angles. For each a, the
+    log-likelihood is maximised over the parameters of ``found``.
     """
     o, n = found.optimum, len(found.theta)
     wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))

@@ -57,9 +57,10 @@ DELAY_KEY = "controller_delay_periods"
 
 
 class Match(enum.Enum):
-    """Results of `voltage_replay`: how a profile's controller relates to a log's voltages."""
+    """Possible verdicts of `voltage_replay`: does the profile's controller explain the voltages?"""
 
     REPRODUCED = "reproduced"
+    """The profile's controller computes the logged voltages from the logged angles."""
     LATE = "late"
     """The controller is one period late."""
     EXCITED = "excited"

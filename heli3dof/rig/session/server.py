@@ -112,9 +112,10 @@ class Session:
     def begin_to_arm(self) -> str | None:
         """Return None if the rig may be armed now, else the reason of the stop that forbids it.
 
-        A stop forbids arming if it was requested from this session, or came after the program or
-        call that uses the rig began (`heli3dof.rig.session.stop_stamp`). Call this method again
-        after every attempt to arm, because a stop may come in between.
+        Two kinds of emergency stop forbid arming: one that a client requested from this session,
+        and one made since the program or call that uses the rig began (`session.stop_stamp`). A
+        stop may come during an attempt to arm. So call this method before and after each attempt,
+        and stop the rig if the result is not None.
         """
         with self._deciding:
             if self.stop_reason is None:

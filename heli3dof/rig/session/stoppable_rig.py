@@ -33,7 +33,7 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """A rig that its session can stop on request; encoder counts are zero at the rest angles."""
+    """A rig that its session can stop, and whose encoder counts are zero at the rest angles."""
 
     def __init__(self, rig: Rig, session: Session, rest: RestCounts = COUNTS_AT_POWER_UP) -> None:
         self.inner, self.session = rig, session
