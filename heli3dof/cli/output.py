@@ -84,6 +84,19 @@ class Output:
                 text = json.dumps(plain, indent=2, allow_nan=False)
             print(text)
 
+    def emit_error(self, what: str, cause: str = "", fix: str = "", exit_code: int = 1) -> None:
+        """If ``--json`` is given, print the JSON document of an error on stdout."""
+        with suppress(OSError):  # the error may be that stdout cannot be written
+            self.emit(
+                {
+                    "schema": "heli3dof.error/1",
+                    "error": what,
+                    "cause": cause,
+                    "fix": fix,
+                    "exit_code": exit_code,
+                }
+            )
+
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
         """Context manager: show ``text`` with a spinner; without a terminal, print it as a line."""
@@ -154,8 +167,8 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
         except Heli3dofError as error:
             print_error(error, as_json=bool(kwargs.get("as_json")))
             raise typer.Exit(error.exit_code) from None
-        except KeyboardInterrupt:
-            Output().warn("stopped with Ctrl-C")
+        except KeyboardInterrupt as error:
+            print_interruption(error, as_json=bool(kwargs.get("as_json")))
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
             # The reader of stdout ended first, as `head` does.
@@ -216,13 +229,11 @@ def print_error(error: Heli3dofError, *, as_json: bool) -> None:
         out.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
     if error.fix:
         out.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
-    with suppress(OSError):  # the error may be that stdout cannot be written
-        out.emit(
-            {
-                "schema": "heli3dof.error/1",
-                "error": error.what,
-                "cause": error.cause,
-                "fix": error.fix,
-                "exit_code": error.exit_code,
-            }
-        )
+    out.emit_error(error.what, error.cause, error.fix, error.exit_code)
+
+
+def print_interruption(error: KeyboardInterrupt, *, as_json: bool) -> None:
+    """Print on stderr why the command was stopped. ``as_json``: also print it as JSON."""
+    out, why = Output(as_json=as_json), str(error) or "stopped with Ctrl-C"
+    out.warn(why)
+    out.emit_error(f"The command was {why}.", exit_code=INTERRUPTED)

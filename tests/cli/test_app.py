@@ -141,6 +141,42 @@ def test_estop_leaves_other_words_to_typer(words: tuple[str, ...]) -> None:
     estop_without_typer(words)
 
 
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("run-step", "--roll", "abc"), "Invalid value for '--roll'"),
+        (("run", "--bogus"), "No such option: --bogus"),
+        (("info",), "Missing argument 'REC'"),
+        (("monitor", "--seconds", "-1"), "Invalid value for '--seconds'"),
+        (("nosuchverb",), "No such command 'nosuchverb'"),
+        (("batch", "identify"), "Missing argument 'REC...'"),
+    ],
+)
+def test_an_error_of_the_option_parser_is_a_json_document(
+    words: tuple[str, ...], error: str
+) -> None:
+    plain, as_json = heli3dof(*words), heli3dof(*words, "--json")
+    assert (plain.code, plain.out, as_json.code) == (2, "", 2)
+    assert error in plain.err
+    assert error in as_json.err
+    document = as_json.document
+    assert (document["schema"], document["exit_code"]) == ("heli3dof.error/1", 2)
+    assert document["error"].startswith(error)
+    assert document["fix"].endswith("--help")
+
+
+def test_an_interrupted_command_prints_a_json_document(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("heli3dof.recording.info.read_with_info", interrupt)
+    result = heli3dof("info", "rec.mcap", "--json")
+    assert (result.code, result.err) == (130, "Warning: stopped with Ctrl-C\n")
+    assert (result.document["schema"], result.document["exit_code"]) == ("heli3dof.error/1", 130)
+    assert result.document["error"] == "The command was stopped with Ctrl-C."
+    assert heli3dof("info", "rec.mcap").out == ""
+
+
 def test_a_renamed_option_is_accepted_with_a_warning_that_names_the_new_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
