@@ -60,20 +60,20 @@ class Output:
         """Print tables or sentences on stdout, with ``--json`` on stderr; nothing if ``quiet``."""
         if not self.quiet:
             for each in results:
-                self.out.print(each, soft_wrap=isinstance(each, str), markup=False)
+                self.out.print(each, soft_wrap=isinstance(each, str))
 
     def note(self, text: str) -> None:
         """Print a sentence on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
         if not self.quiet:
-            self.err.print(text, soft_wrap=True, markup=False)
+            self.err.print(text, soft_wrap=True)
 
     def warn(self, text: str) -> None:
         """Print "Warning: " and the sentence ``text`` on stderr, even with ``--quiet``."""
-        self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
+        self.err.print(f"Warning: {text}", soft_wrap=True, style="yellow")
 
     def fail(self, text: str) -> None:
         """Print the error message ``text`` on stderr, even with ``--quiet``."""
-        self.err.print(text, soft_wrap=True, markup=False, style="bold red")
+        self.err.print(text, soft_wrap=True, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
         """If ``--json`` is given, print ``document`` on stdout as JSON, with NaN as null."""
@@ -105,7 +105,9 @@ class Output:
                 self.note(text)
             yield
             return
-        with self.err.status(text):
+        from rich.text import Text
+
+        with self.err.status(Text(text)):
             yield
 
 
@@ -119,12 +121,17 @@ def stages(out: Output) -> Iterator[Callable[[str], None]]:
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)
         return
+    from rich.text import Text
+
     with out.err.status("Reading …") as status:
-        yield status.update
+        yield lambda sentence: status.update(Text(sentence))
 
 
 def _console(**options: Any) -> Console:
-    """Return a console of the library rich; it prints unencodable characters as ASCII text."""
+    """Return a console of the library rich; it prints unencodable characters as ASCII text.
+
+    It prints ``[bold]`` and ``:smile:`` as they are: both may occur in names of files.
+    """
     from rich.console import Console
 
     class Encoded(Console):
@@ -134,7 +141,7 @@ def _console(**options: Any) -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich would exit with the code 1
 
-    return Encoded(highlight=False, **options)
+    return Encoded(highlight=False, markup=False, emoji=False, **options)
 
 
 def jsonable(value: Any) -> Any:
@@ -224,11 +231,11 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
 def print_error(error: Heli3dofError, *, as_json: bool) -> None:
     """Print an error on stderr: what happened, likely cause, fix. ``as_json``: also as JSON."""
     out = Output(as_json=as_json)
-    out.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
+    out.err.print(f"Error: {error.what}", soft_wrap=True, style="bold red")
     if error.cause:
-        out.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
+        out.err.print(f"Likely cause: {error.cause}", soft_wrap=True)
     if error.fix:
-        out.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
+        out.err.print(f"Try: {error.fix}", soft_wrap=True)
     out.emit_error(error.what, error.cause, error.fix, error.exit_code)
 
 
