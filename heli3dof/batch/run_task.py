@@ -20,7 +20,7 @@ from heli3dof.batch.condition import holds
 from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
-from heli3dof.errors import Heli3dofError, no_file
+from heli3dof.errors import Heli3dofError, no_file, quoted
 from heli3dof.model.model_file import jsonable
 
 FAILURE = ("exit_code", "error", "cause", "fix")
@@ -49,7 +49,7 @@ def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",
             cause="an internal error (a bug in heli3dof), or too little memory.",
-            fix=f"heli3dof {task.verb} {task.source}, and report the message",
+            fix=f"heli3dof {task.verb} {quoted(task.source)}, and report the message",
         )
     ending = {
         "exit_code": error.exit_code, "error": error.what, "cause": error.cause, "fix": error.fix,

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
-from heli3dof.errors import RecordingError, UsageError, no_file
+from heli3dof.errors import RecordingError, UsageError, no_file, quoted
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importers import endings
 from heli3dof.results import optional
@@ -128,7 +129,7 @@ def _lines(word: str) -> Iterable[str]:
         raise UsageError(
             f"The list {word} cannot be read: {error}.",
             cause="it is not a text file with one recording a line.",
-            fix=f"ls /data/*.mcap > {word}",
+            fix=f"ls /data/*.mcap > {quoted(word)}",
         ) from None
 
 
@@ -157,9 +158,14 @@ def _not_empty(found: list[str], word: str, kind: str) -> list[str]:
         raise UsageError(
             f"There is no recording in the {kind} {word}.",
             cause=f"a typing error, or other endings than {known}.",
-            fix=f"ls {word}",
+            fix=f"ls {_quoted_pattern(word)}",
         )
     return found
+
+
+def _quoted_pattern(word: str) -> str:
+    """Return a path or pattern quoted for a shell, except ``*``, ``?`` and ``[…]``."""
+    return re.sub(r"[^*?[\]]+", lambda part: quoted(part[0]), word)
 
 
 def _file_system(url: str) -> tuple[AbstractFileSystem, str]:

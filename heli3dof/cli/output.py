@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 import typer
 
 from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
-from heli3dof.errors import Heli3dofError, NoSpace, UsageError
+from heli3dof.errors import Heli3dofError, NoSpace, UsageError, quoted
 from heli3dof.write_errors import FULL, refusal
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
     return UsageError(
         f"{name} cannot be used: {error.strerror}.",
         cause="it is missing, belongs to another user, or is not a file of this kind.",
-        fix=f"ls -ld {name}",
+        fix=f"ls -ld {quoted(name)}",
     )
 
 

@@ -11,7 +11,7 @@ from io import RawIOBase
 from pathlib import Path
 from typing import BinaryIO
 
-from heli3dof.errors import OutputExists, UsageError
+from heli3dof.errors import OutputExists, UsageError, quoted
 from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
 RECORDINGS = (".mcap", ".parquet")
@@ -128,7 +128,7 @@ def _check_name(path: Path, *, force: bool) -> None:
         raise UsageError(
             f"{path} is a folder, not a file.",
             cause="the file's name is missing after the folder.",
-            fix=f"-o {path / 'recording.mcap'}",
+            fix=f"-o {quoted(path / 'recording.mcap')}",
         )
     if there and not force:
         raise OutputExists(
@@ -140,7 +140,7 @@ def _check_name(path: Path, *, force: bool) -> None:
         raise UsageError(
             f"There is no folder {path.parent}.",
             cause="a typing error in the output's path, or the folder was not created yet.",
-            fix=f"mkdir -p {path.parent}",
+            fix=f"mkdir -p {quoted(path.parent)}",
         )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, quoted
 from heli3dof.recording.atomic_write import new_file
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
@@ -78,7 +78,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         raise RecordingError(
             f"{path} is intact; there is nothing to recover.",
             cause="you meant another file, or this one was recovered already.",
-            fix=f"heli3dof info {path}",
+            fix=f"heli3dof info {quoted(path)}",
         )
     if not len(saved.rows):
         raise RecordingError(
@@ -129,7 +129,8 @@ def salvage(path: Path, found: Scan) -> Salvage:
                 f"{path} was written by another program; only heli3dof's recordings can be "
                 "recovered.",
                 cause="its topics are not heli3dof's.",
-                fix=f"mcap recover {path} -o {path.stem}.recovered.mcap (MCAP's own tool)",
+                fix=f"mcap recover {quoted(path)} -o {quoted(path.stem)}.recovered.mcap "
+                "(MCAP's own tool)",
             )
         raise RecordingError(
             f"{path} ends within its first {len(found.data)} bytes, before any sample.",
