@@ -201,8 +201,10 @@ def _fly_one(
 
 def default_path(name: str) -> Path:
     """Return the relative path ``flights/<UTC time>-<name>.mcap`` for a new recording."""
+    from heli3dof.recording.atomic_write import file_name
+
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    return Path("flights") / f"{stamp}-{name}.mcap"
+    return Path("flights") / f"{stamp}-{file_name(name)}.mcap"
 
 
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:

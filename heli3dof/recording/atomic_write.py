@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import threading
 from collections.abc import Iterable, Iterator
 from io import RawIOBase
@@ -29,6 +30,17 @@ def stem(path: Path) -> str:
     name = path.name
     known = (*endings(), *RECORDINGS)
     return next((name[: -len(e)] for e in known if name.lower().endswith(e)), path.stem)
+
+
+def file_name(name: str) -> str:
+    """Return ``name`` as a part of a file's name: separators and control characters become ``-``.
+
+    For names that come from a file, such as a plan's: they must not lead to another folder.
+
+    >>> file_name("../steps"), file_name("cable.yaw:0.1")
+    ('..-steps', 'cable.yaw:0.1')
+    """
+    return re.sub(r"[/\\\x00-\x1f\x7f]", "-", name)
 
 
 NAME_KEPT = 32

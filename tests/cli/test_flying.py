@@ -215,6 +215,23 @@ def test_simulate_records_like_a_flight(tmp_path: Path) -> None:
     assert np.degrees(recording.angle[0, 0]) == pytest.approx(-27.5, abs=0.1)
 
 
+def test_a_plans_name_does_not_lead_to_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "a" / "b"
+    place.mkdir(parents=True)
+    monkeypatch.chdir(place)
+    plan = 'name = "../../evil"\n[[segment]]\nkind = "hold"\nduration_s = 1\n'
+    Path("plan.toml").write_text(plan, encoding="utf-8")
+    flown = heli3dof("run", "plan.toml", "--device", "mock:?speed=max")
+    simulated = heli3dof("simulate", "plan.toml", "--model", "hover")
+    assert (flown.code, simulated.code) == (0, 0), flown.err + simulated.err
+    recorded = sorted(p.relative_to(place).parts for p in tmp_path.rglob("*.mcap"))
+    assert [parts[:-1] for parts in recorded] == [(), ("flights",)]
+    assert recorded[0][-1] == "..-..-evil-on-hover.mcap"
+    assert recorded[1][-1].endswith("-..-..-evil.mcap")
+
+
 class RealTime:
     """A flight in another process, in real time."""
 

@@ -6,13 +6,16 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from heli3dof.cli.compare import _figure_paths
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.model_file import save_model
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Result, heli3dof
 from tests.cli.test_bad_input import RIG, log, recording
@@ -218,6 +221,12 @@ def test_compare_keeps_existing_figures(bad: Path, tmp_path: Path) -> None:
     (tmp_path / "rec-yaw.svg").write_text("mine")
     judged(heli3dof("compare", bad / "rec.mcap", "-o", tmp_path), 2)
     assert [p.name for p in tmp_path.iterdir()] == ["rec-yaw.svg"]
+
+
+def test_a_recordings_name_does_not_lead_to_another_folder(bad: Path, tmp_path: Path) -> None:
+    flight = read_recording(bad / "rec.mcap")
+    named = replace(flight, meta={**flight.meta, "name": "../evil"})
+    assert {p.parent for p in _figure_paths([named], tmp_path)} == {tmp_path}
 
 
 @pytest.mark.parametrize("words", [STEP, ("run", "--auto", *STEP[-2:]), ("demo",)])
