@@ -144,7 +144,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     "profile", is the kind of file that the message names.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise error(
             f"There is no {what} {path}.",

@@ -295,3 +295,12 @@ def test_names_with_spaces_are_quoted_in_commands(
     Path("rig 1/torn.mcap").write_bytes(whole.read_bytes()[:-100])
     Path("rig 1/log.csv").write_text(log(n=10), encoding="utf-8")
     assert fix in heli3dof(*words, "--json").document["fix"]
+
+
+def test_a_profile_and_a_plan_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    profile, plan = tmp_path / "rig.toml", tmp_path / "plan.toml"
+    profile.write_text(RIG.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    text = 'name = "hold"\n[[segment]]\nkind = "hold"\nduration_s = 1\n'
+    plan.write_text(text, encoding="utf-8-sig")
+    result = heli3dof("run", plan, "--profile", profile, "--dry-run")
+    assert result.code == 0, result.err
