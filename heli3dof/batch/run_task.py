@@ -22,6 +22,7 @@ from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
 from heli3dof.errors import Heli3dofError, no_file, quoted
 from heli3dof.model.model_file import jsonable
+from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 
 FAILURE = ("exit_code", "error", "cause", "fix")
 """Columns of every row that state how a verb ended; if it succeeded, the last three are empty"""
@@ -95,6 +96,7 @@ def _local(task: Task, folder: Path) -> Path | None:
     source = Source(task.source)
     if task.content is None and not source.is_url:
         path = Path(task.source)
+        refuse_stream(path)
         if not path.is_file():
             raise no_file(path)
         return path

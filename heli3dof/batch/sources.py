@@ -26,6 +26,7 @@ from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
 from heli3dof.errors import RecordingError, UsageError, no_file, quoted
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importers import endings
+from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 from heli3dof.results import optional
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ class Source:
             if self.is_url:
                 files, path = _file_system(self.where)
                 return f"{files.checksum(path)}"
+            if not Path(self.where).is_file():
+                return ""
             with open(self.where, "rb") as stream:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
         except OSError:
@@ -75,6 +78,7 @@ class Source:
             if self.is_url:
                 files, path = _file_system(self.where)
                 return bytes(files.cat_file(path))
+            refuse_stream(Path(self.where))
             return Path(self.where).read_bytes()
         except FileNotFoundError:
             if self.is_url:

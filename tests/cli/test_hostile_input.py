@@ -79,6 +79,24 @@ def test_every_verb_refuses_a_file_that_is_not_a_recording(verb: str, name: str,
     judged(result)
 
 
+@pytest.mark.parametrize("name", ["pipe.mcap", "pipe.csv", "/dev/zero"])
+@pytest.mark.parametrize("words", [("info",), ("import",), ("recover",), ("batch", "identify")])
+def test_a_pipe_or_a_device_is_refused_without_reading_it(
+    words: tuple[str, ...], name: str, tmp_path: Path
+) -> None:
+    if not name.startswith("/"):
+        os.mkfifo(tmp_path / name)
+    more = {"import": ("--profile", RIG), "batch": ("-o", tmp_path / "out")}.get(words[0], ())
+    done = subprocess.run(
+        [*HELI3DOF, *words, *map(str, (tmp_path / name, *more))],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 5
+    table = tmp_path / "out" / "results.csv"
+    text = table.read_text(encoding="utf-8") if words[0] == "batch" else done.stderr
+    assert "is a pipe or a device, not a file" in text
+
+
 @pytest.mark.parametrize("name", ["missing.mcap", "folder.mcap", "junk.mcap", "rec.mcap"])
 def test_recover_refuses_complete_and_foreign_files(name: str, bad: Path, tmp_path: Path) -> None:
     judged(heli3dof("recover", bad / name, "-o", tmp_path / "r.mcap"))

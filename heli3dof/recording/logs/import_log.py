@@ -18,7 +18,7 @@ from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
 from heli3dof.recording.logs.joined_tables import join
-from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, what_is
+from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, refuse_stream, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.recording import Recording
@@ -114,6 +114,7 @@ def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | N
     """Return the table of one file; the arguments are those of `import_log`."""
     if not path.exists():
         raise missing(path)
+    refuse_stream(path)
     importer = importer_of(path)
     if importer is None:
         raise _not_importable(path)

@@ -236,9 +236,20 @@ def _from_json(text: str) -> Any:
         return text  # another program's metadata
 
 
+def refuse_stream(path: Path) -> None:
+    """Raise RecordingError if ``path`` is a pipe or a device: reading it may never end."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise RecordingError(
+            f"{path} is a pipe or a device, not a file.",
+            cause="a recording or log was given as a stream; heli3dof reads its file repeatedly.",
+            fix="write the stream to a file first, and give that file",
+        )
+
+
 def read_bytes(path: Path) -> bytes:
     """Return a file's bytes. Raises RecordingError if it is missing or cannot be read."""
     try:
+        refuse_stream(path)
         return path.read_bytes()
     except FileNotFoundError:
         raise missing(path) from None
