@@ -48,7 +48,10 @@ class Verbs(TyperGroup):
         try:
             return super().main(args, *more, **how)
         except SystemExit as end:
-            error = end.__context__  # what typer has just printed on stderr
+            error = end.__context__  # what made typer end the command
+            cause = getattr(error, "__cause__", None)
+            if isinstance(cause, KeyboardInterrupt):
+                raise cause from None
             if isinstance(error, ParserError) and "--json" in words:
                 where = getattr(error, "ctx", None)
                 Output(as_json=True).emit_error(

@@ -43,6 +43,9 @@ class Output:
     notes are not printed.
     """
 
+    has_emitted = False
+    """True once a JSON document was printed by this process"""
+
     def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json, self.quiet = as_json, quiet
 
@@ -82,6 +85,7 @@ class Output:
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
             if not is_ascii_or_utf(text, getattr(sys.stdout, "encoding", None)):
                 text = json.dumps(plain, indent=2, allow_nan=False)
+            Output.has_emitted = True
             print(text)
 
     def emit_error(self, what: str, cause: str = "", fix: str = "", exit_code: int = 1) -> None:

@@ -108,6 +108,7 @@ def fly(
     and print the plan. A flight that did not complete its plan ends the program with the exit code
     of the flight's error.
     """
+    from heli3dof.experiment.control_loop.signal_handling import ignore_signals
     from heli3dof.recording.atomic_write import check_output, new_folder
 
     if dry_run:
@@ -119,6 +120,7 @@ def fly(
     check_output(output, force=force)
     meta = {"command_line": ["heli3dof", *sys.argv[1:]]}
     flight = fly_with_progress(out, plan, profile, device, seed, output, force=force, meta=meta)
+    ignore_signals()
     _show_flight(out, flight)
     outcome = flight.outcome
     if outcome.ending == "interrupted":

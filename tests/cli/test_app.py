@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -175,6 +176,35 @@ def test_an_interrupted_command_prints_a_json_document(monkeypatch: pytest.Monke
     assert (result.document["schema"], result.document["exit_code"]) == ("heli3dof.error/1", 130)
     assert result.document["error"] == "The command was stopped with Ctrl-C."
     assert heli3dof("info", "rec.mcap").out == ""
+
+
+AT_IMPORT = """
+import os, runpy, signal, sys
+class Send:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.{number})
+sys.meta_path.insert(0, Send())
+sys.argv = ["heli3dof", "run", "rich", "--json", "--dry-run"]
+runpy.run_module("heli3dof", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "module", ["typer", "heli3dof.cli.run", "heli3dof.experiment.plan", "numpy"]
+)
+def test_a_signal_while_modules_are_imported_interrupts_the_command(
+    module: str, number: str
+) -> None:
+    code = AT_IMPORT.format(module=module, number=number)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    why = {
+        "SIGINT": "stopped with Ctrl-C", "SIGTERM": "stopped by a request to terminate (SIGTERM)",
+    }[number]  # fmt: skip
+    assert (done.returncode, done.stderr) == (130, f"Warning: {why}\n")
+    assert json.loads(done.stdout)["exit_code"] == 130
 
 
 def test_a_renamed_option_is_accepted_with_a_warning_that_names_the_new_one(

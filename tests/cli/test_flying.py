@@ -283,6 +283,22 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
 
 
 @pytest.mark.realtime
+def test_further_signals_after_an_emergency_stop_do_not_change_the_exit_code(
+    tmp_path: Path,
+) -> None:
+    process = RealTime(tmp_path / "stopped.mcap").process
+    deadline = time.monotonic() + END_S
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    _, err = process.communicate()
+    assert process.returncode == 4
+    assert "emergency stop, by a second Ctrl-C" in err
+    assert read_recording(tmp_path / "stopped.mcap").meta["outcome"] == "tripped"
+
+
+@pytest.mark.realtime
 def test_kill_9_in_mid_flight_loses_at_most_half_a_second(tmp_path: Path) -> None:
     # The best of three: on a busy machine, a flight may be stalled just before it is killed.
     # docs/results/benchmarks.md has the loss on a quiet machine.
