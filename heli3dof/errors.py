@@ -20,6 +20,7 @@ The command line prints what happened and, where known, the likely cause and the
 from __future__ import annotations
 
 import difflib
+import shlex
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -108,6 +109,15 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return "known: " + ", ".join(sorted(known))
 
 
+def quoted(word: object) -> str:
+    """Return a path or name as one word of a shell command in a message, in quotes if need be.
+
+    >>> quoted("rig 1.mcap"), quoted("rig-1.mcap")
+    ("'rig 1.mcap'", 'rig-1.mcap')
+    """
+    return shlex.quote(str(word))
+
+
 def why_missing(path: Path) -> str:
     """Return the likely reason why ``path`` does not exist, and a similar file's name, if any."""
     names = []
@@ -124,5 +134,5 @@ def no_file(path: Path) -> UsageError:
     return UsageError(
         f"There is no file {path}.",
         cause=why_missing(path),
-        fix=f"ls {path.parent}",
+        fix=f"ls {quoted(path.parent)}",
     )

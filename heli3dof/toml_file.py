@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Validat
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
-from heli3dof.errors import UsageError, did_you_mean, nearest, why_missing
+from heli3dof.errors import UsageError, did_you_mean, nearest, quoted, why_missing
 
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -144,18 +144,18 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     "profile", is the kind of file that the message names.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise error(
             f"There is no {what} {path}.",
             cause=why_missing(path),
-            fix=f"ls {path.parent}",
+            fix=f"ls {quoted(path.parent)}",
         ) from None
     except (OSError, UnicodeDecodeError) as problem:
         raise error(
             f"The {what} {path} cannot be read: {problem}.",
             cause="it is a folder, not text, or not readable for you.",
-            fix=f"ls -l {path}",
+            fix=f"ls -l {quoted(path)}",
         ) from problem
     except (tomllib.TOMLDecodeError, RecursionError) as problem:
         raise error(

@@ -16,7 +16,7 @@ import errno
 from collections.abc import Iterator
 from pathlib import Path
 
-from heli3dof.errors import Heli3dofError, NoSpace, UsageError
+from heli3dof.errors import Heli3dofError, NoSpace, UsageError, quoted
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """Error numbers: the disk or the quota is full, or the file is too large."""
@@ -39,7 +39,7 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
         return NoSpace(
             f"There is no space left for {path}.",
             cause="the disk or the quota is full.",
-            fix=f"df -h {path.parent}; free some space, or {fix}",
+            fix=f"df -h {quoted(path.parent)}; free some space, or {fix}",
         )
     if error.errno in _REFUSED:
         return UsageError(

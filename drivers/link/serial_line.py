@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import urlencode
 
-from heli3dof.errors import DeviceError, UsageError
+from heli3dof.errors import DeviceError, UsageError, quoted
 
 from .descriptor_line import WRITE_S, DescriptorLine, gone
 from .serial_ports import held_by, permission_fix, usb_ports
@@ -170,7 +170,8 @@ def refused(url: str, problem: Exception) -> DeviceError:
         return DeviceError(
             f"{url} is busy: {held_by(url)} holds it.",
             cause="one program at a time may run a rig.",
-            fix=f"end that program; heli3dof estop --device serial://{url} stops the motors now",
+            fix=f"end that program; heli3dof estop --device {quoted(f'serial://{url}')} "
+            "stops the motors now",
         )
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         there = ", ".join(usb_ports()) or "none on USB"

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, quoted
 from heli3dof.recording.atomic_write import write_file
 
 CSV, PARQUET = "results.csv", "results.parquet"
@@ -96,7 +96,7 @@ def read_rows(folder: Path, *, needed: Sequence[str] = ()) -> list[dict[str, Any
             f"There is no {CSV} in {folder}." if folder.is_dir()
             else f"There is no folder {folder}.",
             cause="no batch has written its results there, or a typing error in the path.",
-            fix=f"heli3dof batch identify REC... -o {folder}",
+            fix=f"heli3dof batch identify REC... -o {quoted(folder)}",
         )  # fmt: skip
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
@@ -115,7 +115,7 @@ def _unusable(path: Path, why: str) -> RecordingError:
     return RecordingError(
         f"{path} cannot be used: {why}.",
         cause="another program wrote the file, or the batch was interrupted.",
-        fix=f"heli3dof batch identify REC... -o {path.parent}",
+        fix=f"heli3dof batch identify REC... -o {quoted(path.parent)}",
     )
 
 

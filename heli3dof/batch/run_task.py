@@ -20,8 +20,9 @@ from heli3dof.batch.condition import holds
 from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
-from heli3dof.errors import Heli3dofError, no_file
+from heli3dof.errors import Heli3dofError, no_file, quoted
 from heli3dof.model.model_file import jsonable
+from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 
 FAILURE = ("exit_code", "error", "cause", "fix")
 """Columns of every row that state how a verb ended; if it succeeded, the last three are empty"""
@@ -49,7 +50,7 @@ def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",
             cause="an internal error (a bug in heli3dof), or too little memory.",
-            fix=f"heli3dof {task.verb} {task.source}, and report the message",
+            fix=f"heli3dof {task.verb} {quoted(task.source)}, and report the message",
         )
     ending = {
         "exit_code": error.exit_code, "error": error.what, "cause": error.cause, "fix": error.fix,
@@ -95,6 +96,7 @@ def _local(task: Task, folder: Path) -> Path | None:
     source = Source(task.source)
     if task.content is None and not source.is_url:
         path = Path(task.source)
+        refuse_stream(path)
         if not path.is_file():
             raise no_file(path)
         return path

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -22,9 +23,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
-from heli3dof.errors import RecordingError, UsageError, no_file
+from heli3dof.errors import RecordingError, UsageError, no_file, quoted
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importers import endings
+from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 from heli3dof.results import optional
 
 if TYPE_CHECKING:
@@ -63,6 +65,8 @@ class Source:
             if self.is_url:
                 files, path = _file_system(self.where)
                 return f"{files.checksum(path)}"
+            if not Path(self.where).is_file():
+                return ""
             with open(self.where, "rb") as stream:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
         except OSError:
@@ -74,6 +78,7 @@ class Source:
             if self.is_url:
                 files, path = _file_system(self.where)
                 return bytes(files.cat_file(path))
+            refuse_stream(Path(self.where))
             return Path(self.where).read_bytes()
         except FileNotFoundError:
             if self.is_url:
@@ -128,7 +133,7 @@ def _lines(word: str) -> Iterable[str]:
         raise UsageError(
             f"The list {word} cannot be read: {error}.",
             cause="it is not a text file with one recording a line.",
-            fix=f"ls /data/*.mcap > {word}",
+            fix=f"ls /data/*.mcap > {quoted(word)}",
         ) from None
 
 
@@ -157,9 +162,14 @@ def _not_empty(found: list[str], word: str, kind: str) -> list[str]:
         raise UsageError(
             f"There is no recording in the {kind} {word}.",
             cause=f"a typing error, or other endings than {known}.",
-            fix=f"ls {word}",
+            fix=f"ls {_quoted_pattern(word)}",
         )
     return found
+
+
+def _quoted_pattern(word: str) -> str:
+    """Return a path or pattern quoted for a shell, except ``*``, ``?`` and ``[…]``."""
+    return re.sub(r"[^*?[\]]+", lambda part: quoted(part[0]), word)
 
 
 def _file_system(url: str) -> tuple[AbstractFileSystem, str]:

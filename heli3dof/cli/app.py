@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Annotated, Any
 
@@ -18,9 +19,12 @@ from typer.core import TyperGroup
 
 from heli3dof.cli import output_encoding
 from heli3dof.cli.estop import estop_without_typer
+from heli3dof.cli.output import Output
 from heli3dof.plugins import modules_of, use_plugins
 
 GROUP = "heli3dof.verbs"
+ParserError: Any = typer.BadParameter.__base__
+"""Class of the option parser's errors, which typer does not export"""
 FAMILIES = ("Fly", "Model", "Files", "Many recordings", "Plans and rigs", "Teach")
 """Headings of ``heli3dof --help`` in order; other headings follow after them"""
 MORE = "More"
@@ -34,7 +38,29 @@ def _family(command: Any) -> str:
 
 
 class Verbs(TyperGroup):
-    """Typer command group. Its ``--help`` lists the subcommands by heading, sorted by name."""
+    """Typer command group. Its ``--help`` lists the subcommands by heading, sorted by name.
+
+    With ``--json``, an error of the option parser is also printed as a JSON document on stdout.
+    """
+
+    def main(self, args: Sequence[str] | None = None, *more: Any, **how: Any) -> Any:
+        words = sys.argv[1:] if args is None else list(args)
+        try:
+            return super().main(args, *more, **how)
+        except SystemExit as end:
+            error = end.__context__  # what made typer end the command
+            cause = getattr(error, "__cause__", None)
+            if isinstance(cause, KeyboardInterrupt):
+                raise cause from None
+            if isinstance(error, ParserError) and "--json" in words:
+                where = getattr(error, "ctx", None)
+                Output(as_json=True).emit_error(
+                    error.format_message(),
+                    "an option or an argument is misspelt, missing or out of range.",
+                    f"{where.command_path if where else 'heli3dof'} --help",
+                    error.exit_code,
+                )
+            raise
 
     def list_commands(self, ctx: Any) -> list[str]:
         def rank(verb: str) -> tuple[int, bool, str, str]:

@@ -142,7 +142,13 @@ def show_comparison(
 
 
 def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
-    return [folder / f"{r.name}-{a}.{e}" for r in recordings for a in r.axes for e in FORMATS]
+    return [_figure_path(folder, r, a, e) for r in recordings for a in r.axes for e in FORMATS]
+
+
+def _figure_path(folder: Path, recording: Recording, axis: str, ending: str) -> Path:
+    from heli3dof.recording.atomic_write import file_name
+
+    return folder / f"{file_name(recording.name)}-{axis}.{ending}"
 
 
 def write_figures(comparison: Comparison, folder: Path, *, force: bool) -> list[Path]:
@@ -157,8 +163,8 @@ def write_figures(comparison: Comparison, folder: Path, *, force: bool) -> list[
 
     new_folder(folder)
     return [
-        save(figure, folder / f"{flight.recording.name}-{name}.{ending}", force=force)
+        save(figure, _figure_path(folder, flight.recording, axis, ending), force=force)
         for flight in comparison.flights
-        for name, figure in axis_figures(flight).items()
+        for axis, figure in axis_figures(flight).items()
         for ending in FORMATS
     ]

@@ -9,7 +9,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Force, Quiet
 from heli3dof.cli.output import Output, verb
-from heli3dof.errors import CheckFailed, UsageError
+from heli3dof.errors import CheckFailed, UsageError, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,7 +64,7 @@ def new(
     if name is not None:
         folder, paths = _write(output, name, template_files(name), force=force)
         out.note(f"Written: {folder}. Replace the equation in {paths[1]} and {paths[2]}")
-        out.note(f"To check it: heli3dof effect check {paths[1]}. To install: pip install "
+        out.note(f"To check it: heli3dof effect check {quoted(paths[1])}. To install: pip install "
                  f"{_as_path(folder)}")  # fmt: skip
         written.append({"effect": name, "folder": str(folder), "files": [str(p) for p in paths]})
     for formula in [] if source is None else read_formulas(source):
@@ -150,4 +150,4 @@ def check(
 
 def _as_path(folder: Path) -> str:
     """Return the folder as a path with ``./``, so that pip takes it for a path, not a name."""
-    return str(folder) if folder.is_absolute() else f"./{folder}"
+    return quoted(folder if folder.is_absolute() else f"./{folder}")

@@ -11,6 +11,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Quiet
 from heli3dof.cli.output import Output, verb
+from heli3dof.errors import quoted
 
 REASON = "heli3dof estop, from another terminal"
 
@@ -47,7 +48,7 @@ def estop(
     for url in result.skipped:
         out.warn(
             f"{url} was skipped: no rig was ever opened there. If it is a rig: "
-            f"heli3dof estop --device {url}"
+            f"heli3dof estop --device {quoted(url)}"
         )
     out.emit(
         {

@@ -11,7 +11,7 @@ import typer
 from heli3dof.axes import AXES
 from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet, Seed
 from heli3dof.cli.output import Output, verb
-from heli3dof.errors import CheckFailed, UsageError
+from heli3dof.errors import CheckFailed, UsageError, quoted
 
 if TYPE_CHECKING:
     from nacl.signing import SigningKey
@@ -69,7 +69,7 @@ def new(
     exercise = seal(_key(out, key_path), seed, level)
     write_file(path, exercise.to_bytes(), force=force)
     out.show(f"Exercise {exercise.id}, level {level} ({LEVELS[level]}): {path}")
-    out.note(f"Fly it: heli3dof run rich --device 'mock:?exercise={path}&speed=max'")
+    out.note(f"Fly it: heli3dof run rich --device {quoted(f'mock:?exercise={path}&speed=max')}")
     out.emit(
         {
             "schema": "heli3dof.new_exercise/1",
@@ -195,7 +195,7 @@ def _key(out: Output, path: Path) -> SigningKey:
 
     key = load_key(path)
     if others_can_read(path):
-        out.warn(f"other users can read the teacher's key: chmod 600 {path}")
+        out.warn(f"other users can read the teacher's key: chmod 600 {quoted(path)}")
     return key
 
 

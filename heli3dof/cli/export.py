@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, log_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.errors import UsageError, did_you_mean, quoted
 
 Source = Annotated[
     Path, typer.Argument(metavar="REC", help="A recording, a log, or a model file (.json).")
@@ -66,7 +65,8 @@ def export(
         raise UsageError(
             f"The layout for PlotJuggler does not fit {recording.name}.",
             cause="it names the topics of a recording (.mcap).",
-            fix=f"heli3dof import {recording} --profile PROFILE.toml -o {recording.stem}.mcap",
+            fix=f"heli3dof import {quoted(recording)} --profile PROFILE.toml "
+            f"-o {quoted(recording.stem)}.mcap",
         )
     if recording.exists():
         check_format(path)
@@ -80,7 +80,7 @@ def export(
         out.note(f"Written: {view}")
     if ending in OPEN:
         named = {"file": path, "layout": view, "recording": recording}
-        out.note(OPEN[ending].format(**{k: shlex.quote(str(v)) for k, v in named.items()}))
+        out.note(OPEN[ending].format(**{k: quoted(v) for k, v in named.items()}))
     out.emit(document)
 
 
@@ -130,7 +130,7 @@ def _export_model(out: Output, source: Path, path: Path, to: str | None, force: 
         raise UsageError(
             f"A model can be exported as .mat only, not as {to or path.name}.",
             cause="the other formats are tables of a recording, or viewers of one.",
-            fix=f"heli3dof export {source} -o {path.stem}.mat",
+            fix=f"heli3dof export {quoted(source)} -o {quoted(path.stem)}.mat",
         )
     check_outputs(path, force=force, inputs=[source])
     model = read_model(source)

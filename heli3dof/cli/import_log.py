@@ -54,7 +54,7 @@ def import_log(
 ) -> None:
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
-    from heli3dof.errors import UsageError
+    from heli3dof.errors import UsageError, quoted
     from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.info import summary
     from heli3dof.recording.logs.column_mapping import parse_mapping
@@ -70,7 +70,7 @@ def import_log(
         raise UsageError(
             f"{named} is a log, and a log does not contain the profile of its rig.",
             cause="--profile is missing.",
-            fix=f"heli3dof import {named} --profile PROFILE.toml -o REC.mcap",
+            fix=f"heli3dof import {' '.join(map(quoted, logs))} --profile PROFILE.toml -o REC.mcap",
         )
     if there:
         check_outputs(output, force=force, inputs=logs)
@@ -84,7 +84,7 @@ def import_log(
         out.warn(warning)
     about = summary(recording)
     if output is None:
-        out.note(f"Nothing was written. To write the recording: -o {recording.name}.mcap")
+        out.note(f"Nothing was written. To write the recording: -o {quoted(recording.name)}.mcap")
     else:
         write_recording(recording, output, force=force)
         out.show(info_table(about))

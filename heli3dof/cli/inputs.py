@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.cli.options import log_profile
 from heli3dof.cli.output import Output
-from heli3dof.errors import RecordingError, UsageError, nearest
+from heli3dof.errors import RecordingError, UsageError, nearest, quoted
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
@@ -33,8 +33,8 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
                 f"{path} is not a recording: its name is that of a "
                 f"{'model file' if is_model else 'profile or a plan'}.",
                 cause="another kind of file was given in place of a recording.",
-                fix=f"heli3dof compare REC... {path}, to compare a model"
-                if is_model else f"--profile {path}, or heli3dof run {path}",
+                fix=f"heli3dof compare REC... {quoted(path)}, to compare a model"
+                if is_model else f"--profile {quoted(path)}, or heli3dof run {quoted(path)}",
             )  # fmt: skip
         recording = load(path, used)
         for warning in recording.meta.get("warnings", ()):
@@ -118,7 +118,8 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
         raise UsageError(
             f"There is no recording among: {' '.join(words)}.",
             cause="only models were given.",
-            fix=f"heli3dof compare REC.mcap {' '.join(models)}, or heli3dof compare alone",
+            fix=f"heli3dof compare REC.mcap {' '.join(map(quoted, models))}, "
+            "or heli3dof compare alone",
         )
     return recordings, models
 

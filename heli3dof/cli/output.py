@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 import typer
 
 from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
-from heli3dof.errors import Heli3dofError, NoSpace, UsageError
+from heli3dof.errors import Heli3dofError, NoSpace, UsageError, quoted
 from heli3dof.write_errors import FULL, refusal
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ class Output:
     notes are not printed.
     """
 
+    has_emitted = False
+    """True once a JSON document was printed by this process"""
+
     def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json, self.quiet = as_json, quiet
 
@@ -60,20 +63,20 @@ class Output:
         """Print tables or sentences on stdout, with ``--json`` on stderr; nothing if ``quiet``."""
         if not self.quiet:
             for each in results:
-                self.out.print(each, soft_wrap=isinstance(each, str), markup=False)
+                self.out.print(each, soft_wrap=isinstance(each, str))
 
     def note(self, text: str) -> None:
         """Print a sentence on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
         if not self.quiet:
-            self.err.print(text, soft_wrap=True, markup=False)
+            self.err.print(text, soft_wrap=True)
 
     def warn(self, text: str) -> None:
         """Print "Warning: " and the sentence ``text`` on stderr, even with ``--quiet``."""
-        self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
+        self.err.print(f"Warning: {text}", soft_wrap=True, style="yellow")
 
     def fail(self, text: str) -> None:
         """Print the error message ``text`` on stderr, even with ``--quiet``."""
-        self.err.print(text, soft_wrap=True, markup=False, style="bold red")
+        self.err.print(text, soft_wrap=True, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
         """If ``--json`` is given, print ``document`` on stdout as JSON, with NaN as null."""
@@ -82,7 +85,21 @@ class Output:
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
             if not is_ascii_or_utf(text, getattr(sys.stdout, "encoding", None)):
                 text = json.dumps(plain, indent=2, allow_nan=False)
+            Output.has_emitted = True
             print(text)
+
+    def emit_error(self, what: str, cause: str = "", fix: str = "", exit_code: int = 1) -> None:
+        """If ``--json`` is given, print the JSON document of an error on stdout."""
+        with suppress(OSError):  # the error may be that stdout cannot be written
+            self.emit(
+                {
+                    "schema": "heli3dof.error/1",
+                    "error": what,
+                    "cause": cause,
+                    "fix": fix,
+                    "exit_code": exit_code,
+                }
+            )
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
@@ -92,7 +109,9 @@ class Output:
                 self.note(text)
             yield
             return
-        with self.err.status(text):
+        from rich.text import Text
+
+        with self.err.status(Text(text)):
             yield
 
 
@@ -106,12 +125,17 @@ def stages(out: Output) -> Iterator[Callable[[str], None]]:
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)
         return
+    from rich.text import Text
+
     with out.err.status("Reading …") as status:
-        yield status.update
+        yield lambda sentence: status.update(Text(sentence))
 
 
 def _console(**options: Any) -> Console:
-    """Return a console of the library rich; it prints unencodable characters as ASCII text."""
+    """Return a console of the library rich; it prints unencodable characters as ASCII text.
+
+    It prints ``[bold]`` and ``:smile:`` as they are: both may occur in names of files.
+    """
     from rich.console import Console
 
     class Encoded(Console):
@@ -121,7 +145,7 @@ def _console(**options: Any) -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich would exit with the code 1
 
-    return Encoded(highlight=False, **options)
+    return Encoded(highlight=False, markup=False, emoji=False, **options)
 
 
 def jsonable(value: Any) -> Any:
@@ -154,8 +178,8 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
         except Heli3dofError as error:
             print_error(error, as_json=bool(kwargs.get("as_json")))
             raise typer.Exit(error.exit_code) from None
-        except KeyboardInterrupt:
-            Output().warn("stopped with Ctrl-C")
+        except KeyboardInterrupt as error:
+            print_interruption(error, as_json=bool(kwargs.get("as_json")))
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
             # The reader of stdout ended first, as `head` does.
@@ -204,25 +228,23 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
     return UsageError(
         f"{name} cannot be used: {error.strerror}.",
         cause="it is missing, belongs to another user, or is not a file of this kind.",
-        fix=f"ls -ld {name}",
+        fix=f"ls -ld {quoted(name)}",
     )
 
 
 def print_error(error: Heli3dofError, *, as_json: bool) -> None:
     """Print an error on stderr: what happened, likely cause, fix. ``as_json``: also as JSON."""
     out = Output(as_json=as_json)
-    out.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
+    out.err.print(f"Error: {error.what}", soft_wrap=True, style="bold red")
     if error.cause:
-        out.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
+        out.err.print(f"Likely cause: {error.cause}", soft_wrap=True)
     if error.fix:
-        out.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
-    with suppress(OSError):  # the error may be that stdout cannot be written
-        out.emit(
-            {
-                "schema": "heli3dof.error/1",
-                "error": error.what,
-                "cause": error.cause,
-                "fix": error.fix,
-                "exit_code": error.exit_code,
-            }
-        )
+        out.err.print(f"Try: {error.fix}", soft_wrap=True)
+    out.emit_error(error.what, error.cause, error.fix, error.exit_code)
+
+
+def print_interruption(error: KeyboardInterrupt, *, as_json: bool) -> None:
+    """Print on stderr why the command was stopped. ``as_json``: also print it as JSON."""
+    out, why = Output(as_json=as_json), str(error) or "stopped with Ctrl-C"
+    out.warn(why)
+    out.emit_error(f"The command was {why}.", exit_code=INTERRUPTED)

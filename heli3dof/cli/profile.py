@@ -177,7 +177,7 @@ def update(
     check_output(path, force=force)
     measured = read_calibration(source)
     if profile is not None:
-        rig, text = load_profile(profile), profile.read_text(encoding="utf-8")
+        rig, text = load_profile(profile), profile.read_text(encoding="utf-8-sig")
     else:
         rig = measured.profile or default_profile()
         text = new_text(rig.to_dict())

@@ -97,7 +97,7 @@ def _ask(out: Output, name: str, field: FieldInfo) -> Any:
     key = key_of(field)
     assert key is not None
     how = f"\n  How: {key.measure}." if key.measure else ""
-    out.err.print(f"\n{name}: {key.meaning}{how}", soft_wrap=True, markup=False)
+    out.err.print(f"\n{name}: {key.meaning}{how}", soft_wrap=True)
     unit = "" if key.unit == "–" else f" in {key.unit}"
     default = None if field.is_required() else field.default
     hint = f" (common: {key.typical})" if key.typical else ""
@@ -115,7 +115,7 @@ def _ask(out: Output, name: str, field: FieldInfo) -> Any:
         value, problem = _number(text, field)
         if not problem:
             return value
-        out.err.print(f"  {problem}", markup=False)
+        out.err.print(f"  {problem}")
 
 
 def _number(text: str, field: FieldInfo) -> tuple[Any, str]:

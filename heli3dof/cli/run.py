@@ -108,6 +108,7 @@ def fly(
     and print the plan. A flight that did not complete its plan ends the program with the exit code
     of the flight's error.
     """
+    from heli3dof.experiment.control_loop.signal_handling import ignore_signals
     from heli3dof.recording.atomic_write import check_output, new_folder
 
     if dry_run:
@@ -119,6 +120,7 @@ def fly(
     check_output(output, force=force)
     meta = {"command_line": ["heli3dof", *sys.argv[1:]]}
     flight = fly_with_progress(out, plan, profile, device, seed, output, force=force, meta=meta)
+    ignore_signals()
     _show_flight(out, flight)
     outcome = flight.outcome
     if outcome.ending == "interrupted":
@@ -201,8 +203,10 @@ def _fly_one(
 
 def default_path(name: str) -> Path:
     """Return the relative path ``flights/<UTC time>-<name>.mcap`` for a new recording."""
+    from heli3dof.recording.atomic_write import file_name
+
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    return Path("flights") / f"{stamp}-{name}.mcap"
+    return Path("flights") / f"{stamp}-{file_name(name)}.mcap"
 
 
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:

@@ -58,14 +58,14 @@ def simulate(
     from heli3dof.experiment.plan import load_plan
     from heli3dof.experiment.simulate import simulate
     from heli3dof.paper.models import load_model
-    from heli3dof.recording.atomic_write import check_outputs
+    from heli3dof.recording.atomic_write import check_outputs, file_name
     from heli3dof.recording.write import write_recording
 
     out = Output(as_json=as_json, quiet=quiet)
     rig = rig_profile(profile).with_controller()
     chosen = load_model(model, rig)
     flown = load_plan(plan)
-    path = output or Path(f"{flown.name}-on-{chosen.name}.mcap")
+    path = output or Path(file_name(f"{flown.name}-on-{chosen.name}.mcap"))
     check_outputs(path, force=force, inputs=[Path(model), Path(plan)])
     with out.working(f"Simulating {flown.name} on {chosen.name} …"):
         recording = simulate(

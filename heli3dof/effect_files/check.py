@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError, no_file
+from heli3dof.errors import RecordingError, no_file, quoted
 from heli3dof.model.effects import Effect, Parameter, Stage, all_names, effects
 from heli3dof.model.parameter_units import NAMED, UNITS, named_unit
 from heli3dof.model.physics.compiled_effects import HookError, address
@@ -71,7 +71,7 @@ def effect_of_file(path: Path) -> Effect:
         raise RecordingError(
             f"{path} does not load: {type(error).__name__}: {error}",
             cause="a mistake in the file's code, which the message names.",
-            fix=f"correct it, then: heli3dof effect check {path}",
+            fix=f"correct it, then: heli3dof effect check {quoted(path)}",
         ) from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):

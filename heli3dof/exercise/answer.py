@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, quoted
 from heli3dof.exercise.levels import UNMODELLED
 from heli3dof.model.effects import term
 from heli3dof.rig.sealed_rig import Exercise, read_small
@@ -105,7 +105,7 @@ def read_diagnosis(path: Path) -> dict[str, Any]:
         raise RecordingError(
             f"{path} is not a diagnosis.",
             cause="exercise submit reads what heli3dof diagnose --json prints.",
-            fix=f"heli3dof diagnose REC.mcap --json > {path.with_suffix('.json')}",
+            fix=f"heli3dof diagnose REC.mcap --json > {quoted(path.with_suffix('.json'))}",
         ) from error
     assert isinstance(document, dict)
     return document

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heli3dof.errors import Heli3dofError, UsageError
+from heli3dof.errors import Heli3dofError, UsageError, quoted
 from heli3dof.exercise.answer import Answer, read_answer
 from heli3dof.exercise.marks import Mark, mark
 from heli3dof.exercise.teacher_key import Truth, open_truth, signature_problem
@@ -69,14 +69,14 @@ def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
         raise UsageError(
             f"There is no folder {folder}.",
             cause="a typing error in the path, or a file's path.",
-            fix=f"ls -d {folder.parent}/*",
+            fix=f"ls -d {quoted(folder.parent)}/*",
         )
     files = sorted(f for f in folder.rglob("*") if _may_be_answer(f, folder))
     if not files:
         raise UsageError(
             f"{folder} has no answers.",
             cause="another folder, or recordings only.",
-            fix=f"ls -R {folder}",
+            fix=f"ls -R {quoted(folder)}",
         )
     return [_marked(file, str(file.relative_to(folder)), key) for file in files]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
+from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip, quoted
 from heli3dof.experiment.control_loop.loop import Live, fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.control_loop.signal_handling import StopSignals, stop_signals
@@ -60,7 +60,7 @@ class Flight:
             raise KeyboardInterrupt(outcome.detail)
         if outcome.ending == "tripped":
             advice = outcome.advice()
-            look = f"heli3dof report {path}" if path else "look at flight.recording"
+            look = f"heli3dof report {quoted(path)}" if path else "look at flight.recording"
             raise SafetyTrip(
                 f"The flight was ended for safety: {outcome.detail}{kept}.",
                 cause=advice.get("likely_cause") or "not known.",

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, quoted
 from heli3dof.fleet.change_search import find_changes, track_prior
 from heli3dof.fleet.random_effects import random_effects
 from heli3dof.fleet.result import Fleet, FleetQuantity, RigQuantity
@@ -37,7 +37,7 @@ def analyse(rows: Sequence[Row]) -> Fleet:
             cause=f"all are bad data; the first: {bad[0].recording}: {bad[0].reason}."
             if len(bad) == len(rows)
             else "the verb of the batch states no numbers with standard deviations.",
-            fix=f"heli3dof diagnose {bad[0].recording}" if bad
+            fix=f"heli3dof diagnose {quoted(bad[0].recording)}" if bad
             else "heli3dof batch identify REC... -o FOLDER",
         )  # fmt: skip
     tracks, plan = tracks_of(rows, names), main_plan(rows)

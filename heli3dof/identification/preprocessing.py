@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, quoted
 from heli3dof.identification.row_selection import REASONS, clipped, runs_of, unusable
 from heli3dof.model.estimation.filter_data import LOST, RowRange
 from heli3dof.recording.gap_filling import fill_gaps
@@ -122,7 +122,7 @@ def checked_timing(recording: Recording) -> Timing:
         raise RecordingError(
             f"{recording.name} has only {len(t)} samples; at least {MIN_SAMPLES} are needed.",
             cause="the flight ended at once, or the log was truncated.",
-            fix=f"heli3dof info {recording.name}; then repeat the flight",
+            fix=f"heli3dof info {quoted(recording.name)}; then repeat the flight",
         )
     d = np.diff(t)
     if not np.all(d > 0):

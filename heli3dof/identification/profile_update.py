@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError, UsageError, no_file
+from heli3dof.errors import RecordingError, UsageError, no_file, quoted
 from heli3dof.identification.greybox.thrust_scale import BASE, TORQUE_UNITS, Measured, of_ratios
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
@@ -89,7 +89,7 @@ def _no_calibration(path: Path, what: str) -> RecordingError:
     return RecordingError(
         f"{path} {what}.",
         cause="profile update reads the output of heli3dof diagnose, or a grey-box model file.",
-        fix=f"heli3dof diagnose {recording} -o model.json; heli3dof profile update --from "
+        fix=f"heli3dof diagnose {quoted(recording)} -o model.json; heli3dof profile update --from "
         "model.json --profile rig.toml -o rig2.toml",
     )
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import RecordingError, UsageError, did_you_mean, why_missing
+from heli3dof.errors import RecordingError, UsageError, did_you_mean, quoted, why_missing
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import write_file
 
@@ -103,7 +103,7 @@ def _read_json(path: Path) -> dict[str, Any]:
         raise RecordingError(
             f"There is no model file {path}.",
             cause=why_missing(path),
-            fix=f"ls {path.parent}",
+            fix=f"ls {quoted(path.parent)}",
         ) from None
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise _unusable(
@@ -114,7 +114,7 @@ def _read_json(path: Path) -> dict[str, Any]:
         ) from None
     except OSError as error:
         raise _unusable(
-            path, f"cannot be read: {error.strerror}", "permissions.", f"ls -l {path}"
+            path, f"cannot be read: {error.strerror}", "permissions.", f"ls -l {quoted(path)}"
         ) from error
     if not isinstance(data, dict):
         raise _unusable(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import threading
 from collections.abc import Iterable, Iterator
 from io import RawIOBase
 from pathlib import Path
 from typing import BinaryIO
 
-from heli3dof.errors import OutputExists, UsageError
+from heli3dof.errors import OutputExists, UsageError, quoted
 from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
 RECORDINGS = (".mcap", ".parquet")
@@ -29,6 +30,17 @@ def stem(path: Path) -> str:
     name = path.name
     known = (*endings(), *RECORDINGS)
     return next((name[: -len(e)] for e in known if name.lower().endswith(e)), path.stem)
+
+
+def file_name(name: str) -> str:
+    """Return ``name`` as a part of a file's name: separators and control characters become ``-``.
+
+    For names that come from a file, such as a plan's: they must not lead to another folder.
+
+    >>> file_name("../steps"), file_name("cable.yaw:0.1")
+    ('..-steps', 'cable.yaw:0.1')
+    """
+    return re.sub(r"[/\\\x00-\x1f\x7f]", "-", name)
 
 
 NAME_KEPT = 32
@@ -128,7 +140,7 @@ def _check_name(path: Path, *, force: bool) -> None:
         raise UsageError(
             f"{path} is a folder, not a file.",
             cause="the file's name is missing after the folder.",
-            fix=f"-o {path / 'recording.mcap'}",
+            fix=f"-o {quoted(path / 'recording.mcap')}",
         )
     if there and not force:
         raise OutputExists(
@@ -140,7 +152,7 @@ def _check_name(path: Path, *, force: bool) -> None:
         raise UsageError(
             f"There is no folder {path.parent}.",
             cause="a typing error in the output's path, or the folder was not created yet.",
-            fix=f"mkdir -p {path.parent}",
+            fix=f"mkdir -p {quoted(path.parent)}",
         )
 
 

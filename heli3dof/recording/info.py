@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.errors import quoted
 from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers import importer_of
@@ -54,7 +55,7 @@ def read_with_info(
         "torn": salvaged is not None,
     }
     if salvaged is not None:
-        about["fix"] = f"heli3dof recover {path}"
+        about["fix"] = f"heli3dof recover {quoted(path)}"
     recording = load(path, profile, columns) if salvaged is None else salvaged
     return recording, {**about, **summary(recording)}
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
-from heli3dof.errors import DeviceError, UsageError, did_you_mean
+from heli3dof.errors import DeviceError, UsageError, did_you_mean, quoted
 from heli3dof.rig.interface import Driver, PrivateToProcess, Rig
 from heli3dof.rig.url import DeviceUrl, parse_url
 
@@ -121,6 +121,6 @@ def default_device() -> str:
         raise UsageError(
             f"Several rigs were found: {', '.join(real)}.",
             cause="no device was given.",
-            fix=f"--device {real[0]}, or export HELI3DOF_DEVICE={real[0]}",
+            fix=f"--device {quoted(real[0])}, or export HELI3DOF_DEVICE={quoted(real[0])}",
         )
     return real[0] if real else MOCK

@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from heli3dof.errors import RecordingError, UsageError, no_file
+from heli3dof.errors import RecordingError, UsageError, no_file, quoted
 
 FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
 SEALED_SIZE = 1024
@@ -141,13 +141,13 @@ def read_small(path: Path) -> bytes:
         raise RecordingError(
             f"{path} cannot be read: {error.strerror}.",
             cause="it is a folder, or belongs to another user.",
-            fix=f"ls -ld {path}",
+            fix=f"ls -ld {quoted(path)}",
         ) from error
     if len(data) > LARGEST_FILE:
         raise RecordingError(
             f"{path} has more than {LARGEST_FILE} bytes.",
             cause="another file: exercises and answers are small.",
-            fix=f"ls -l {path}",
+            fix=f"ls -l {quoted(path)}",
         )
     return data
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -139,6 +140,71 @@ def test_estop_without_typer_exits_with_the_code_of_the_error(
 @pytest.mark.parametrize("words", [("--help",), ("--device",), ("mock:",), ("--unknown",)])
 def test_estop_leaves_other_words_to_typer(words: tuple[str, ...]) -> None:
     estop_without_typer(words)
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("run-step", "--roll", "abc"), "Invalid value for '--roll'"),
+        (("run", "--bogus"), "No such option: --bogus"),
+        (("info",), "Missing argument 'REC'"),
+        (("monitor", "--seconds", "-1"), "Invalid value for '--seconds'"),
+        (("nosuchverb",), "No such command 'nosuchverb'"),
+        (("batch", "identify"), "Missing argument 'REC...'"),
+    ],
+)
+def test_an_error_of_the_option_parser_is_a_json_document(
+    words: tuple[str, ...], error: str
+) -> None:
+    plain, as_json = heli3dof(*words), heli3dof(*words, "--json")
+    assert (plain.code, plain.out, as_json.code) == (2, "", 2)
+    assert error in plain.err
+    assert error in as_json.err
+    document = as_json.document
+    assert (document["schema"], document["exit_code"]) == ("heli3dof.error/1", 2)
+    assert document["error"].startswith(error)
+    assert document["fix"].endswith("--help")
+
+
+def test_an_interrupted_command_prints_a_json_document(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("heli3dof.recording.info.read_with_info", interrupt)
+    result = heli3dof("info", "rec.mcap", "--json")
+    assert (result.code, result.err) == (130, "Warning: stopped with Ctrl-C\n")
+    assert (result.document["schema"], result.document["exit_code"]) == ("heli3dof.error/1", 130)
+    assert result.document["error"] == "The command was stopped with Ctrl-C."
+    assert heli3dof("info", "rec.mcap").out == ""
+
+
+AT_IMPORT = """
+import os, runpy, signal, sys
+class Send:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.{number})
+sys.meta_path.insert(0, Send())
+sys.argv = ["heli3dof", "run", "rich", "--json", "--dry-run"]
+runpy.run_module("heli3dof", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "module", ["typer", "heli3dof.cli.run", "heli3dof.experiment.plan", "numpy"]
+)
+def test_a_signal_while_modules_are_imported_interrupts_the_command(
+    module: str, number: str
+) -> None:
+    code = AT_IMPORT.format(module=module, number=number)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    why = {
+        "SIGINT": "stopped with Ctrl-C", "SIGTERM": "stopped by a request to terminate (SIGTERM)",
+    }[number]  # fmt: skip
+    assert (done.returncode, done.stderr) == (130, f"Warning: {why}\n")
+    assert json.loads(done.stdout)["exit_code"] == 130
 
 
 def test_a_renamed_option_is_accepted_with_a_warning_that_names_the_new_one(

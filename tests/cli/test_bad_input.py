@@ -268,3 +268,39 @@ def test_a_negative_seed_is_a_usage_error(tmp_path: Path) -> None:
     result = heli3dof("simulate", "steps", "--model", "hover", "--seed", "-1")
     assert result.code == 2
     assert "--seed" in result.err
+
+
+@pytest.mark.parametrize(
+    ("words", "fix"),
+    [
+        (("recover", "rig 1/whole.mcap"), "heli3dof info 'rig 1/whole.mcap'"),
+        (("identify", "rig 1/torn.mcap"), "heli3dof recover 'rig 1/torn.mcap'"),
+        (("info", "rig 1/torn.mcap"), "heli3dof recover 'rig 1/torn.mcap'"),
+        (("info", "rig 1/none.mcap"), "ls 'rig 1'"),
+        (("info", "rig 1"), "ls 'rig 1'"),
+        (("import", "rig 1/log.csv"), "heli3dof import 'rig 1/log.csv' --profile PROFILE.toml"),
+        (("run", "rig 1/none.toml"), "ls 'rig 1'"),
+        (("simulate", "rich", "--model", "rig 1/none.json"), "ls 'rig 1'"),
+        (("export", "rig 1/whole.mcap", "-o", "no dir/x.csv"), "mkdir -p 'no dir'"),
+        (("recover", "rig 1/torn.mcap", "-o", "rig 1"), "-o 'rig 1/recording.mcap'"),
+        (("batch", "identify", "rig 1/*.xyz", "-o", "out"), "ls 'rig 1/'*.xyz"),
+    ],
+)  # fmt: skip
+def test_names_with_spaces_are_quoted_in_commands(
+    words: tuple[str, ...], fix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rig 1").mkdir()
+    whole = recording(Path("rig 1/whole.mcap"))
+    Path("rig 1/torn.mcap").write_bytes(whole.read_bytes()[:-100])
+    Path("rig 1/log.csv").write_text(log(n=10), encoding="utf-8")
+    assert fix in heli3dof(*words, "--json").document["fix"]
+
+
+def test_a_profile_and_a_plan_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    profile, plan = tmp_path / "rig.toml", tmp_path / "plan.toml"
+    profile.write_text(RIG.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    text = 'name = "hold"\n[[segment]]\nkind = "hold"\nduration_s = 1\n'
+    plan.write_text(text, encoding="utf-8-sig")
+    result = heli3dof("run", plan, "--profile", profile, "--dry-run")
+    assert result.code == 0, result.err

@@ -215,6 +215,23 @@ def test_simulate_records_like_a_flight(tmp_path: Path) -> None:
     assert np.degrees(recording.angle[0, 0]) == pytest.approx(-27.5, abs=0.1)
 
 
+def test_a_plans_name_does_not_lead_to_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "a" / "b"
+    place.mkdir(parents=True)
+    monkeypatch.chdir(place)
+    plan = 'name = "../../evil"\n[[segment]]\nkind = "hold"\nduration_s = 1\n'
+    Path("plan.toml").write_text(plan, encoding="utf-8")
+    flown = heli3dof("run", "plan.toml", "--device", "mock:?speed=max")
+    simulated = heli3dof("simulate", "plan.toml", "--model", "hover")
+    assert (flown.code, simulated.code) == (0, 0), flown.err + simulated.err
+    recorded = sorted(p.relative_to(place).parts for p in tmp_path.rglob("*.mcap"))
+    assert [parts[:-1] for parts in recorded] == [(), ("flights",)]
+    assert recorded[0][-1] == "..-..-evil-on-hover.mcap"
+    assert recorded[1][-1].endswith("-..-..-evil.mcap")
+
+
 class RealTime:
     """A flight in another process, in real time."""
 
@@ -263,6 +280,22 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
         volts[ramp] / volts[first - 1], share[:, None] * [1, 1], atol=2.5 / 250
     )
     assert gone[-1] < 250 + 5 + STALL_S / recording.profile.dt
+
+
+@pytest.mark.realtime
+def test_further_signals_after_an_emergency_stop_do_not_change_the_exit_code(
+    tmp_path: Path,
+) -> None:
+    process = RealTime(tmp_path / "stopped.mcap").process
+    deadline = time.monotonic() + END_S
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    _, err = process.communicate()
+    assert process.returncode == 4
+    assert "emergency stop, by a second Ctrl-C" in err
+    assert read_recording(tmp_path / "stopped.mcap").meta["outcome"] == "tripped"
 
 
 @pytest.mark.realtime

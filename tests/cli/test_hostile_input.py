@@ -6,13 +6,16 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from heli3dof.cli.compare import _figure_paths
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.model_file import save_model
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Result, heli3dof
 from tests.cli.test_bad_input import RIG, log, recording
@@ -74,6 +77,24 @@ def test_every_verb_refuses_a_file_that_is_not_a_recording(verb: str, name: str,
         assert "faulty" in result.out  # an inconsistent log gives a verdict, not an error
         return
     judged(result)
+
+
+@pytest.mark.parametrize("name", ["pipe.mcap", "pipe.csv", "/dev/zero"])
+@pytest.mark.parametrize("words", [("info",), ("import",), ("recover",), ("batch", "identify")])
+def test_a_pipe_or_a_device_is_refused_without_reading_it(
+    words: tuple[str, ...], name: str, tmp_path: Path
+) -> None:
+    if not name.startswith("/"):
+        os.mkfifo(tmp_path / name)
+    more = {"import": ("--profile", RIG), "batch": ("-o", tmp_path / "out")}.get(words[0], ())
+    done = subprocess.run(
+        [*HELI3DOF, *words, *map(str, (tmp_path / name, *more))],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 5
+    table = tmp_path / "out" / "results.csv"
+    text = table.read_text(encoding="utf-8") if words[0] == "batch" else done.stderr
+    assert "is a pipe or a device, not a file" in text
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "folder.mcap", "junk.mcap", "rec.mcap"])
@@ -218,6 +239,12 @@ def test_compare_keeps_existing_figures(bad: Path, tmp_path: Path) -> None:
     (tmp_path / "rec-yaw.svg").write_text("mine")
     judged(heli3dof("compare", bad / "rec.mcap", "-o", tmp_path), 2)
     assert [p.name for p in tmp_path.iterdir()] == ["rec-yaw.svg"]
+
+
+def test_a_recordings_name_does_not_lead_to_another_folder(bad: Path, tmp_path: Path) -> None:
+    flight = read_recording(bad / "rec.mcap")
+    named = replace(flight, meta={**flight.meta, "name": "../evil"})
+    assert {p.parent for p in _figure_paths([named], tmp_path)} == {tmp_path}
 
 
 @pytest.mark.parametrize("words", [STEP, ("run", "--auto", *STEP[-2:]), ("demo",)])

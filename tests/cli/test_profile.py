@@ -297,6 +297,17 @@ def test_a_model_file_updates_the_profile_as_the_diagnosis_does(
     assert a.motor.K_f == pytest.approx(b.motor.K_f, rel=1e-3)
 
 
+def test_a_profile_with_a_byte_order_mark_can_be_updated(
+    flown: tuple[Path, Result, Result, Result],
+) -> None:
+    folder = flown[0]
+    marked, updated = folder / "marked.toml", folder / "marked-2.toml"
+    marked.write_text((folder / "rig.toml").read_text(encoding="utf-8"), encoding="utf-8-sig")
+    words = ("--from", folder / "diagnosis.json", "--profile", marked, "-o", updated)
+    assert heli3dof("profile", "update", *words).code == 0
+    assert updated.read_bytes() == (folder / "rig2.toml").read_bytes()
+
+
 def test_the_diagnosis_names_the_command(flown: tuple[Path, Result, Result, Result]) -> None:
     folder, before, *_ = flown
     assert f"heli3dof profile update --from {folder / 'before.json'}" in before.err

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import NoSpace, OutputExists, UsageError
-from heli3dof.recording.atomic_write import new_file, stem, unused
+from heli3dof.recording.atomic_write import file_name, new_file, stem, unused
 
 
 @pytest.mark.parametrize(
@@ -85,3 +85,8 @@ def test_a_default_name_is_numbered_if_it_exists(tmp_path: Path) -> None:
     assert unused(ours).name == "a-extended-2.json"
     unused(ours).touch()
     assert unused(ours).name == "a-extended-3.json"
+
+
+def test_a_file_name_is_one_component_of_a_path() -> None:
+    assert file_name("../..\\x\0y\n") == "..-..-x-y-"
+    assert file_name("cable.yaw:0.1 ψ") == "cable.yaw:0.1 ψ"

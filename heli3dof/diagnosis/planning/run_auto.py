@@ -22,7 +22,7 @@ from heli3dof.diagnosis.planning import next_experiment
 from heli3dof.errors import OutputExists, UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan
-from heli3dof.recording.atomic_write import new_folder
+from heli3dof.recording.atomic_write import file_name, new_folder
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile, default_profile
 
@@ -95,7 +95,7 @@ def run_auto(
     paths: list[Path] = []
     plan, left_s = first, 60 * budget_min
     while True:
-        path = folder / f"{len(paths) + 1}-{plan.name}.mcap"
+        path = folder / f"{len(paths) + 1}-{file_name(plan.name)}.mcap"
         recordings.append((fly or fly_on_rig)(plan, path, seed + len(paths)))
         paths.append(path)
         left_s -= plan.duration_s

@@ -8,6 +8,9 @@ first signal   the flight ends, the motors are ramped to zero
 second         emergency stop: zero volts in the next period
 later          ignored: the recording is still being closed
 =============  ==============================================================
+
+In the command line, a signal without a flight raises KeyboardInterrupt (`end_on_signals`). After a
+flight that a signal has ended, the process only prints the outcome, and ignores further signals.
 """
 
 from __future__ import annotations
@@ -59,7 +62,9 @@ def stop_signals() -> Iterator[StopSignals]:
     """Context manager: catch the signals of `SIGNALS` in its block.
 
     Python handles signals only in the main thread, so elsewhere this function catches none. A
-    signal that was ignored when the program started (SIGHUP under nohup) stays ignored.
+    signal that was ignored when the program started (SIGHUP under nohup) stays ignored. At the
+    block's end, the function restores the previous handlers. If a signal has come, it does not
+    restore `interrupt`, but ignores further signals.
     """
     received = StopSignals()
     before = {}
@@ -72,4 +77,27 @@ def stop_signals() -> Iterator[StopSignals]:
         yield received
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            is_over = handler is interrupt and received.reason() is not None
+            signal.signal(number, signal.SIG_IGN if is_over else handler)
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt that names the signal ``number``; ``frame`` is not used."""
+    raise KeyboardInterrupt(SIGNALS[signal.Signals(number).name][0])
+
+
+def end_on_signals() -> None:
+    """Let Ctrl-C and SIGTERM raise KeyboardInterrupt, for a process that runs one command.
+
+    A signal that was ignored when the process started stays ignored.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, interrupt)
+
+
+def ignore_signals() -> None:
+    """Ignore the signals of `end_on_signals` from now on: the process's exit code is decided."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is interrupt:
+            signal.signal(number, signal.SIG_IGN)

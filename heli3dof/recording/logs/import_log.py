@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import Heli3dofError, RecordingError, UsageError
+from heli3dof.errors import Heli3dofError, RecordingError, UsageError, quoted
 from heli3dof.plugins import must_be
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.column_mapping import mapped
@@ -18,7 +18,7 @@ from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
 from heli3dof.recording.logs.joined_tables import join
-from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, what_is
+from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, refuse_stream, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.recording import Recording
@@ -114,6 +114,7 @@ def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | N
     """Return the table of one file; the arguments are those of `import_log`."""
     if not path.exists():
         raise missing(path)
+    refuse_stream(path)
     importer = importer_of(path)
     if importer is None:
         raise _not_importable(path)
@@ -121,8 +122,8 @@ def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | N
         raise UsageError(
             f"{path} is a log, which does not contain the rig's profile.",
             cause="no profile was named.",
-            fix=f"add --profile PROFILE.toml, or import it once: heli3dof import {path} "
-            f"--profile PROFILE.toml -o {stem(path)}.mcap",
+            fix=f"add --profile PROFILE.toml, or import it once: heli3dof import {quoted(path)} "
+            f"--profile PROFILE.toml -o {quoted(stem(path))}.mcap",
         )
     return _read(importer, path, profile, columns)
 
@@ -160,7 +161,8 @@ def _not_importable(path: Path) -> RecordingError:
         return RecordingError(
             f"{path} is a recording already: there is nothing to import.",
             cause="it was imported before, or heli3dof recorded it.",
-            fix=f"heli3dof info {path}; the other verbs take another profile with --profile",
+            fix=f"heli3dof info {quoted(path)}; the other verbs take another profile with "
+            "--profile",
         )
     return RecordingError(
         f"{path} is not a log that can be imported; it is {what_is(data)}.",

@@ -6,11 +6,11 @@ Signs differ between laboratories, so a suggestion is never used without the use
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Mapping
 
 import numpy as np
 
+from heli3dof.errors import quoted
 from heli3dof.rig.log_columns import KNOWN
 
 TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
@@ -68,7 +68,7 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 def as_options(mapping: Mapping[str, str]) -> str:
     """Return ``mapping``, column → expression, as ``--map`` options that are quoted for a shell."""
-    return " ".join(f"--map {shlex.quote(f'{name}={text}')}" for name, text in mapping.items())
+    return " ".join(f"--map {quoted(f'{name}={text}')}" for name, text in mapping.items())
 
 
 def _key(name: str) -> tuple[str, str | None]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
+from heli3dof.errors import Heli3dofError, NoSpace, RecordingError, quoted
 from heli3dof.recording.atomic_write import check_output, mode
 from heli3dof.recording.mcap_files.chunk import rows_of_chunk
 from heli3dof.recording.mcap_files.fsync import Syncer
@@ -213,13 +213,13 @@ class RecordingWriter:
                 f"There is no space left for {self.path}: the first {kept} of {self._count} "
                 "samples are kept, the others are lost.",
                 cause="the disk or the quota is full.",
-                fix=f"df -h {self.path.parent}; free some space, then heli3dof info {self.path} "
-                f"(and heli3dof recover {self.path} if it is torn)",
+                fix=f"df -h {quoted(self.path.parent)}; free some space, then heli3dof info "
+                f"{quoted(self.path)} (and heli3dof recover {quoted(self.path)} if it is torn)",
             ) from error
         raise RecordingError(
             f"The recorder of {self.path} failed after {kept} of {self._count} samples: {error}",
             cause="the disk was unplugged or has a fault.",
-            fix=f"heli3dof recover {self.path}",
+            fix=f"heli3dof recover {quoted(self.path)}",
         ) from error
 
 

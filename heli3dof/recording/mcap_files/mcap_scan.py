@@ -23,7 +23,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from heli3dof.errors import RecordingError, why_missing
+from heli3dof.errors import RecordingError, quoted, why_missing
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.mcap_files.schema import (
     CHANNELS_TOPIC,
@@ -236,9 +236,20 @@ def _from_json(text: str) -> Any:
         return text  # another program's metadata
 
 
+def refuse_stream(path: Path) -> None:
+    """Raise RecordingError if ``path`` is a pipe or a device: reading it may never end."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise RecordingError(
+            f"{path} is a pipe or a device, not a file.",
+            cause="a recording or log was given as a stream; heli3dof reads its file repeatedly.",
+            fix="write the stream to a file first, and give that file",
+        )
+
+
 def read_bytes(path: Path) -> bytes:
     """Return a file's bytes. Raises RecordingError if it is missing or cannot be read."""
     try:
+        refuse_stream(path)
         return path.read_bytes()
     except FileNotFoundError:
         raise missing(path) from None
@@ -246,13 +257,13 @@ def read_bytes(path: Path) -> bytes:
         raise RecordingError(
             f"{path} is a folder, not a recording.",
             cause="the file's name is missing after the folder.",
-            fix=f"ls {path}",
+            fix=f"ls {quoted(path)}",
         ) from None
     except OSError as error:
         raise RecordingError(
             f"{path} cannot be read: {error.strerror}.",
             cause="you have no permission to read it, or the disk has a fault.",
-            fix=f"ls -l {path}",
+            fix=f"ls -l {quoted(path)}",
         ) from error
 
 
@@ -261,7 +272,7 @@ def missing(path: Path) -> RecordingError:
     return RecordingError(
         f"There is no recording {path}.",
         cause=why_missing(path),
-        fix=f"ls {path.parent}",
+        fix=f"ls {quoted(path.parent)}",
     )
 
 
@@ -270,7 +281,7 @@ def damaged(path: Path, error: Damaged) -> RecordingError:
     return RecordingError(
         f"{path} is damaged: {error}.",
         cause="the disk or a network copy changed some bytes.",
-        fix=f"copy it again, or recover the intact part: heli3dof recover {path}",
+        fix=f"copy it again, or recover the intact part: heli3dof recover {quoted(path)}",
     )
 
 

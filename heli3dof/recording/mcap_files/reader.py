@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from heli3dof.errors import ProfileError, RecordingError
+from heli3dof.errors import ProfileError, RecordingError, quoted
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
@@ -86,10 +86,10 @@ def open_mcap(path: Path) -> Scan:
             cause="a log that was not imported yet."
             if ending
             else "you meant another file, or its ending is wrong.",
-            fix=(f"mv {path} {named}; " if named != path else "")
-            + f"heli3dof import {named} --profile PROFILE.toml -o {path.stem}.mcap"
+            fix=(f"mv {quoted(path)} {quoted(named)}; " if named != path else "")
+            + f"heli3dof import {quoted(named)} --profile PROFILE.toml -o {quoted(path.stem)}.mcap"
             if ending
-            else f"ls {path.parent}",
+            else f"ls {quoted(path.parent)}",
         )
     return scan(data)
 
@@ -100,7 +100,7 @@ def torn(path: Path, found: Scan) -> RecordingError:
         f"{path} is torn: it ends after {found.good} bytes without its closing records.",
         cause="the program was killed, the disk was full, the copy is incomplete, or it is still "
         "being recorded.",
-        fix=f"heli3dof recover {path}",
+        fix=f"heli3dof recover {quoted(path)}",
     )
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from heli3dof.errors import RecordingError
-from heli3dof.recording.atomic_write import new_file
+from heli3dof.errors import RecordingError, quoted
+from heli3dof.recording.atomic_write import check_outputs, new_file
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
     Scan,
@@ -68,7 +68,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
 
     The new file states the outcome ``recovered``, the losses, and the original outcome, if any.
     ``force`` replaces an existing file. Raises RecordingError if ``path`` is intact or has no
-    intact samples.
+    intact samples, UsageError if ``output`` is ``path`` or cannot be written.
     """
     path = Path(path)
     output = path.with_name(f"{path.stem}.recovered.mcap") if output is None else Path(output)
@@ -78,7 +78,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         raise RecordingError(
             f"{path} is intact; there is nothing to recover.",
             cause="you meant another file, or this one was recovered already.",
-            fix=f"heli3dof info {path}",
+            fix=f"heli3dof info {quoted(path)}",
         )
     if not len(saved.rows):
         raise RecordingError(
@@ -86,6 +86,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
             cause="the program was killed in the first fraction of a second.",
             fix="repeat the experiment",
         )
+    check_outputs(output, force=force, inputs=[path])
     times = saved.rows[SAMPLE.name]["t_s"]
     result = Recovery(
         output,
@@ -129,7 +130,8 @@ def salvage(path: Path, found: Scan) -> Salvage:
                 f"{path} was written by another program; only heli3dof's recordings can be "
                 "recovered.",
                 cause="its topics are not heli3dof's.",
-                fix=f"mcap recover {path} -o {path.stem}.recovered.mcap (MCAP's own tool)",
+                fix=f"mcap recover {quoted(path)} -o {quoted(path.stem)}.recovered.mcap "
+                "(MCAP's own tool)",
             )
         raise RecordingError(
             f"{path} ends within its first {len(found.data)} bytes, before any sample.",

@@ -7,7 +7,6 @@ defines its keys. `faults` and `next_steps` also state what the user can do.
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
-from heli3dof.errors import UsageError
+from heli3dof.errors import UsageError, quoted
 from heli3dof.model.effects import term
 from heli3dof.report.text.number_format import NONE, fixed, significant
 
@@ -439,7 +438,7 @@ def _profile_update(document: Document) -> Iterator[str]:
     if document["model"] and off:
         yield (
             "To write a profile with the calibrated values: heli3dof profile update --from "
-            f"{document['model']} -o rig2.toml"
+            f"{quoted(document['model'])} -o rig2.toml"
         )
 
 
@@ -453,7 +452,7 @@ def next_steps(document: Document) -> Iterator[str]:
     upcoming = document["next_experiment"]
     if upcoming is not None:
         device = document.get("about", {}).get("device")
-        where = f" --device {shlex.quote(device)}" if device else ""
+        where = f" --device {quoted(device)}" if device else ""
         yield (
             f"Next experiment: heli3dof run {upcoming['plan']}{where}. Reason: {upcoming['why']}."
         )
@@ -474,7 +473,7 @@ def next_steps(document: Document) -> Iterator[str]:
     if any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
         yield (
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
-            f"--from {document['model']}"
+            f"--from {quoted(document['model'])}"
         )
     if document["verdict"] != "off_calibration":
         yield from _profile_update(document)
@@ -490,7 +489,8 @@ def next_steps(document: Document) -> Iterator[str]:
             "The gain was measured on blocks left out of the fit. To measure it on another "
             "flight: heli3dof diagnose REC... --holdout ANOTHER-REC"
         )
-    yield f"To simulate the extended model: heli3dof simulate steps --model {document['model']}"
+    model = quoted(document["model"])
+    yield f"To simulate the extended model: heli3dof simulate steps --model {model}"
 
 
 def percent(confidence: float | None) -> str:

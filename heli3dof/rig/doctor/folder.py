@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from heli3dof.errors import quoted
 from heli3dof.rig.doctor import RECORDINGS, checks_of, verdict
 from heli3dof.rig.interface import Check
 
@@ -26,7 +27,7 @@ def free_space(folder: Path) -> Check:
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
-    fix = f"make room, or record elsewhere with -o; df -h {folder}"
+    fix = f"make room, or record elsewhere with -o; df -h {quoted(folder)}"
     return verdict(what, found, free >= LEAST_FREE_BYTES, fix)
 
 
@@ -41,7 +42,8 @@ def write_time(folder: Path) -> Check:
             took = sorted(_once(file.fileno()) for _ in range(TRIES))
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
-        return Check(what, f"{folder} cannot be written: {reason}", False, f"ls -ld {folder}")
+        found = f"{folder} cannot be written: {reason}"
+        return Check(what, found, False, f"ls -ld {quoted(folder)}")
     found = f"{took[TRIES // 2] * 1e3:.1f} ms at the median, {took[-1] * 1e3:.0f} ms at worst"
     fix = "record to a local disk with -o: this one is a network drive, a card, or very busy"
     return verdict(what, found, took[TRIES // 2] <= SLOW_S, fix)

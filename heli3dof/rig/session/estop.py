@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from heli3dof.errors import DeviceError, Heli3dofError, UsageError
+from heli3dof.errors import DeviceError, Heli3dofError, UsageError, quoted
 from heli3dof.rig.drivers import check_url, find_rigs, is_private, load_driver
 from heli3dof.rig.session.client import Request, recorded_sessions
 from heli3dof.rig.session.known_devices import is_known, remembered, serials_at
@@ -172,7 +172,7 @@ class EstopResult:
                 f"{', '.join(self.skipped)}.",
                 cause="these ports may belong to other instruments, so nothing was sent. A "
                 "flight that was starting before now will not arm.",
-                fix=" && ".join(f"heli3dof estop --device {url}" for url in self.skipped)
+                fix=" && ".join(f"heli3dof estop --device {quoted(url)}" for url in self.skipped)
                 + "; or switch off the amplifier",
             )
         if not self.stopped and not failed:

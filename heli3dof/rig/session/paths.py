@@ -17,7 +17,7 @@ import stat
 import tempfile
 from pathlib import Path
 
-from heli3dof.errors import DeviceError
+from heli3dof.errors import DeviceError, quoted
 from heli3dof.rig.url import DeviceUrl, parse_url
 
 
@@ -50,7 +50,7 @@ def runtime_folder() -> Path:
         raise DeviceError(
             f"{folder} belongs to another user.",
             cause="another user created it first; its content cannot be trusted.",
-            fix=f"sudo rm -r {folder}, or set XDG_RUNTIME_DIR to a folder of your own",
+            fix=f"sudo rm -r {quoted(folder)}, or set XDG_RUNTIME_DIR to a folder of your own",
         )
     if status.st_mode & 0o077:
         folder.chmod(0o700)

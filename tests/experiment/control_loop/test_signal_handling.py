@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
-from heli3dof.experiment.control_loop.signal_handling import stop_signals
+from heli3dof.experiment.control_loop.signal_handling import (
+    end_on_signals,
+    ignore_signals,
+    stop_signals,
+)
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.rig.interface import Sample
@@ -82,6 +86,58 @@ def test_the_handlers_are_restored() -> None:
     with stop_signals() as received:
         assert (received.reason(), received.at_once()) == (None, None)
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
+
+
+@pytest.fixture
+def as_in_the_command_line() -> Iterator[None]:
+    """The signals are handled as in a process that runs one command."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(n) for n in numbers]
+    end_on_signals()
+    yield
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("as_in_the_command_line")
+def test_without_a_flight_a_signal_interrupts_the_command() -> None:
+    with stop_signals():
+        pass
+    for number, reason in (
+        (signal.SIGINT, "stopped with Ctrl-C"),
+        (signal.SIGTERM, "stopped by a request to terminate (SIGTERM)"),
+    ):
+        with pytest.raises(KeyboardInterrupt) as caught:
+            send(number)
+        assert str(caught.value) == reason
+
+
+@pytest.mark.usefixtures("as_in_the_command_line")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_after_a_flight_that_a_signal_ended_the_command_ignores_signals(
+    number: signal.Signals,
+) -> None:
+    with stop_signals() as received:
+        send(number)
+    assert received.reason()
+    send(signal.SIGINT)
+    send(signal.SIGTERM)
+
+
+@pytest.mark.usefixtures("as_in_the_command_line")
+def test_once_the_exit_code_is_decided_the_command_ignores_signals() -> None:
+    ignore_signals()
+    send(signal.SIGINT)
+    send(signal.SIGTERM)
+
+
+def test_a_signal_that_was_ignored_at_the_start_stays_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        end_on_signals()
+        send(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_under_nohup_the_flight_goes_on_when_the_terminal_closes() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.errors import OutputExists, RecordingError
+from heli3dof.errors import OutputExists, RecordingError, UsageError
 from heli3dof.recording.mcap_files.mcap_scan import decode_chunk, scan
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME
 from heli3dof.recording.mcap_files.reader import read_recording
@@ -149,6 +149,17 @@ def test_recovering_never_overwrites(tmp_path: Path, whole: Path) -> None:
     recover(path)
     with pytest.raises(OutputExists):
         recover(path)
+
+
+def test_the_original_is_never_replaced(tmp_path: Path, whole: Path) -> None:
+    torn, link = tmp_path / "torn.mcap", tmp_path / "link.mcap"
+    torn.write_bytes(content := whole.read_bytes()[:-100])
+    link.symlink_to(torn)
+    for output in (torn, link):
+        with pytest.raises(UsageError, match="is an input and cannot be the output") as caught:
+            recover(torn, output, force=True)
+        assert caught.value.exit_code == 2
+    assert torn.read_bytes() == content
 
 
 def test_a_file_without_samples_cannot_be_recovered(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, quoted
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.mcap_files.mcap_scan import read_bytes, what_is
 from heli3dof.rig.log_columns import KNOWN
@@ -81,7 +81,7 @@ def _text(path: Path) -> str:
             raise RecordingError(
                 f"{path} cannot be decompressed: {error}.",
                 cause="the copy is incomplete, or the log was still being written.",
-                fix=f"gzip -t {path}; copy it again",
+                fix=f"gzip -t {quoted(path)}; copy it again",
             ) from error
     if encoding := _two_bytes(data):
         try:

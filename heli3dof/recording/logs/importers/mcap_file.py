@@ -33,6 +33,8 @@ so that the rest need not be read."""
 def is_foreign(path: Path) -> bool:
     """Return True for a complete, undamaged MCAP file that heli3dof did not write."""
     try:
+        if not path.is_file():  # reading a pipe or a device may never end
+            return False
         with path.open("rb") as stream:
             head = stream.read(HEAD_BYTES)
         if not head.startswith(MAGIC) or SAMPLE.topic.encode() in head:
