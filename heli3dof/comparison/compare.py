@@ -40,6 +40,7 @@ from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.control.voltage_replay import with_known_controller
+from heli3dof.model.labels import labels
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 
@@ -57,11 +58,11 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Return the comparison of every model with every recording.
 
-    ``models``: the models, or a function that returns the models for a recording. ``horizons_s``:
-    prediction horizons in s; if it is empty, nothing is predicted. ``identify_controller``:
-    identify a linear controller from each recording whose profile has none, and replay the
-    recording with it. If a model cannot be compared, ``ModelComparison.cannot`` gives the reason;
-    the other models are still compared.
+    ``models``: the models, or a function that returns the models for a recording. Models that share
+    a name get distinct labels (`heli3dof.model.labels`). ``horizons_s``: prediction horizons in s;
+    if it is empty, nothing is predicted. ``identify_controller``: identify a linear controller from
+    each recording whose profile has none, and replay the recording with it. If a model cannot be
+    compared, ``ModelComparison.cannot`` gives the reason; the other models are still compared.
     """
     flights = tuple(
         compare_flight(
@@ -109,8 +110,10 @@ def compare_flight(
         why=why,
         constant_angles=_prediction_error(flown, held, rows, fits),
         models=tuple(
-            _model_comparison(flown, m, r, p, rows, fits, tuple(reasons[i]))
-            for i, (m, r, p) in enumerate(zip(models, replays, made, strict=True))
+            _model_comparison(flown, m, label, r, p, rows, fits, tuple(why_not))
+            for m, label, r, p, why_not in zip(
+                models, labels(models), replays, made, reasons, strict=True
+            )
         ),
     )
 
@@ -118,6 +121,7 @@ def compare_flight(
 def _model_comparison(
     flown: Recording,
     model: Model,
+    label: str,
     replayed: Replay | None,
     made: Predictions | None,
     rows: Mapping[float, np.ndarray],
@@ -130,12 +134,12 @@ def _model_comparison(
         error = np.degrees(replayed.angle - flown.angle)
         # Not nanmean: a model that diverges has no RMSE.
         rmse = np.sqrt(np.mean(error**2, axis=0))
-        trace = Trace(model.name, "replay", replayed.t, replayed.angle)
+        trace = Trace(label, "replay", replayed.t, replayed.angle)
         cannot = (*cannot, *_divergence(replayed))
     elif made is not None:
-        trace = Trace(model.name, "prediction", *stitched(flown, made))
+        trace = Trace(label, "prediction", *stitched(flown, made))
     return ModelComparison(
-        name=model.name,
+        name=label,
         kind=model.kind,
         metrics=metrics,
         replay_rmse_deg=rmse,

@@ -10,7 +10,7 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.compare import compare
 from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS
-from heli3dof.comparison.verdict import verdict
+from heli3dof.comparison.verdict import replay_errors, verdict
 from heli3dof.experiment.plan import step_plan
 from heli3dof.experiment.simulate import simulate
 from heli3dof.identification.greybox.freeflight import fit_freeflight, model_of
@@ -40,6 +40,15 @@ def test_the_true_model_differs_from_the_experiment_by_nothing() -> None:
         assert defined
         assert defined == pytest.approx([0.0] * len(defined), abs=1e-6)
     assert only.models[0].replay_rmse_deg == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+def test_models_of_one_name_are_all_compared() -> None:
+    result = compare([flight(truth=FakeHover(thrust=0.6))], [FakeHover(), FakeHover(thrust=0.6)])
+    (only,) = result.flights
+    assert [m.name for m in only.models] == ["hover", "hover (2)"]
+    assert list(replay_errors(result)) == ["hover", "hover (2)"]
+    assert replay_errors(result)["hover (2)"][0] < 1e-6 < replay_errors(result)["hover"][0]
+    assert any("hover (2)" in s for s in verdict(result))
 
 
 def test_each_difference_is_the_model_s_minus_the_experiment_s() -> None:
