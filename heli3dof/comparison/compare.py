@@ -26,6 +26,7 @@ from heli3dof.comparison.prediction import (
     over_window_deg,
     predictions,
     rmse_deg,
+    rows_within,
     stitched,
 )
 from heli3dof.comparison.replay import Replay, replay
@@ -37,6 +38,7 @@ from heli3dof.comparison.result import (
     Trace,
 )
 from heli3dof.errors import Heli3dofError
+from heli3dof.identification.row_selection import rows_in_flight
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.control.voltage_replay import with_known_controller
@@ -82,14 +84,21 @@ def compare_flight(
 ) -> FlightComparison:  # fmt: skip
     """Return the comparison of several models with one recording.
 
-    ``horizons_s``: prediction horizons in s. Horizons as long as the flight or longer are left out.
+    ``horizons_s``: prediction horizons in s. A horizon is left out if no rows in flight
+    (`heli3dof.identification.row_selection.rows_in_flight`) are that long without interruption.
     ``identify_controller``: as in `compare`.
     """
     flown = corrected(under_control(recording))
     if identify_controller and flown.profile.controller is None:
         flown = with_known_controller(flown)
     why = why_not_replayed(flown)
-    fits = tuple(h for h in horizons_s if h < flown.duration)
+    in_flight = rows_in_flight(flown)
+
+    def scored(horizon_s: float) -> np.ndarray:
+        """Return (N,) bool: the rows whose predictions pass only through rows in flight."""
+        return rows_within(in_flight, max(1, round(horizon_s / flown.dt)))
+
+    fits = tuple(h for h in horizons_s if scored(h).any())
     steps = STEPS_DRAWN if why else STEPS_AVERAGED  # with a replay, no prediction is drawn
     reasons: list[list[str]] = [[] for _ in models]
     replays = [
@@ -101,7 +110,8 @@ def compare_flight(
         for i, m in enumerate(models)
     ]
     held = predictions(ConstantAngles(), flown, fits, steps=steps) if fits else None
-    rows = common_rows([p for p in (*made, held) if p is not None])
+    common = common_rows([p for p in (*made, held) if p is not None])
+    rows = {h: ok & scored(h)[:, None] for h, ok in common.items()}
     return FlightComparison(
         recording=recording,
         flown=flown,

@@ -105,6 +105,11 @@ class Comparison(Result):
         for f in self.flights:
             if f.why is not None:
                 sentences.append(f"{f.recording.name}: not replayed: {f.why}.")
+            if self.horizons_s and f.constant_angles is None:
+                sentences.append(
+                    f"{f.recording.name}: not predicted: no {min(self.horizons_s):g} s without "
+                    "take-off, table and stops."
+                )
             for m in f.models:
                 sentences += [f"{f.recording.name}, {m.name}: {c}" for c in m.cannot]
         return tuple(sentences)

@@ -136,7 +136,8 @@ def prediction_table(flight: FlightComparison) -> Grid | None:
         rows,
         notes=[
             "Each prediction starts from a state estimated up to then and uses the measured "
-            "voltages. All models are evaluated on the same samples.",
+            "voltages. All models are evaluated on the same samples, without take-off, table and "
+            "stops.",
             *([] if flight.why is None else [f"Not replayed: {flight.why}."]),
             *([] if flight.why is None else _model_notes(flight)),
         ],
