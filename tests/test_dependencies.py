@@ -33,7 +33,9 @@ MAY_IMPORT = {
         "errors", "results", "arrays", "axes", "parallel", "plugins", "stage_clock", "rig",
         "recording", "model",
     },
-    "comparison": {"errors", "results", "arrays", "axes", "rig", "recording", "model"},
+    "comparison": {
+        "errors", "results", "arrays", "axes", "rig", "recording", "model", "identification",
+    },
     "fleet": {"errors", "results", "arrays", "batch"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "integrity": {"errors", "axes", "plugins", "rig", "recording", "model", "identification"},

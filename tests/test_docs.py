@@ -70,6 +70,13 @@ def test_the_readmes_numbers_are_those_of_the_benchmarks() -> None:
     assert f"at most **{worst}** after the last command" in text
 
 
+def test_the_readmes_example_prints_the_identified_parameters() -> None:
+    """`summary` prints each parameter with its standard deviation, `sentences` prints none."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert example.rstrip().endswith("print(model.summary())")
+
+
 def counts(value: str) -> tuple[str, str, str]:
     """Return (share, k, n) of a figure's value such as ``98.3 % (59/60)``."""
     found = re.fullmatch(r"([\d.]+) % \((\d+)/(\d+)\)", value)

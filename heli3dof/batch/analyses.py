@@ -118,7 +118,7 @@ def _models(job: Job) -> list[Model]:
 def _compare_columns(document: Document) -> Row:
     flight = document["flights"][0]
     row: Row = {"replayed": flight["loop"] == "replayed", "verdict": " ".join(document["verdict"])}
-    for model in flight["models"]:
+    for model in (m for m in flight["models"] if m["prediction"]):
         for horizon, by_axis in model["prediction"]["rmse_deg"].items():
             for axis, error in by_axis.items():
                 row[f"{model['name']}_rmse_{horizon}_{axis}_deg"] = error

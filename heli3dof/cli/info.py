@@ -68,7 +68,9 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
     more = 0 if most is None else len(grid.rows) - most
     if more > 0:
         grid = replace(
-            grid, rows=grid.rows[:most], notes=[f"Steps not shown: {more}. All: --verbose"]
+            grid,
+            rows=grid.rows[:most],
+            notes=[*grid.notes, f"Steps not shown: {more}. All: --verbose"],
         )
     if grid.rows:
         out.show(grid)

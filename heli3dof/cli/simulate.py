@@ -13,10 +13,9 @@ from heli3dof.cli.options import (
     AsJson,
     Force,
     OutputFile,
-    ProfileFile,
     Quiet,
     Seed,
-    rig_profile,
+    log_profile,
 )
 from heli3dof.cli.options import Plan as PlanName
 from heli3dof.cli.output import Output, verb
@@ -46,7 +45,14 @@ def simulate(
     start: Annotated[
         Start, typer.Option("--start", help="Start at rest on the table, or level.")
     ] = Start.rest,
-    profile: ProfileFile = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            "--profile",
+            metavar="FILE",
+            help="The rig's profile; default: the one in the model file, else the paper's rig.",
+        ),
+    ] = None,
     output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
@@ -62,7 +68,7 @@ def simulate(
     from heli3dof.recording.write import write_recording
 
     out = Output(as_json=as_json, quiet=quiet)
-    rig = rig_profile(profile).with_controller()
+    rig = log_profile(profile)
     chosen = load_model(model, rig)
     flown = load_plan(plan)
     path = output or Path(file_name(f"{flown.name}-on-{chosen.name}.mcap"))

@@ -40,21 +40,13 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def timing_note(outcome: Outcome) -> str:
-    """Return a text with a flight's late and skipped control periods, lateness and latency."""
-    parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
+    """Return a text that counts a flight's late and skipped control periods.
+
+    `timing_rows` has the quantiles of lateness and latency.
+    """
+    late = f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"
     skipped = _skipped(outcome.missed, outcome.lost, outcome.device_skipped)
-    if skipped:
-        parts.append(skipped)
-    timing = outcome.punctuality
-    if timing:
-        parts.append(f"lateness {_quantiles(timing.median_s, timing.p999_s, timing.worst_s)}")
-    if outcome.latency:
-        latency = outcome.latency.to_dict()
-        if outcome.latency.median_s is not None:
-            parts.append(f"command to echo {latency_text(latency)}")
-        if outcome.latency.median_s is not None or outcome.latency.commands_unacknowledged:
-            parts.append(unacknowledged_text(latency))
-    return "; ".join(parts)
+    return f"{late}; {skipped}" if skipped else late
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:

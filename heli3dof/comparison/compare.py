@@ -26,6 +26,7 @@ from heli3dof.comparison.prediction import (
     over_window_deg,
     predictions,
     rmse_deg,
+    rows_within,
     stitched,
 )
 from heli3dof.comparison.replay import Replay, replay
@@ -37,9 +38,11 @@ from heli3dof.comparison.result import (
     Trace,
 )
 from heli3dof.errors import Heli3dofError
+from heli3dof.identification.row_selection import rows_in_flight
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.control.voltage_replay import with_known_controller
+from heli3dof.model.labels import labels
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 
@@ -57,11 +60,11 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Return the comparison of every model with every recording.
 
-    ``models``: the models, or a function that returns the models for a recording. ``horizons_s``:
-    prediction horizons in s; if it is empty, nothing is predicted. ``identify_controller``:
-    identify a linear controller from each recording whose profile has none, and replay the
-    recording with it. If a model cannot be compared, ``ModelComparison.cannot`` gives the reason;
-    the other models are still compared.
+    ``models``: the models, or a function that returns the models for a recording. Models that share
+    a name get distinct labels (`heli3dof.model.labels`). ``horizons_s``: prediction horizons in s;
+    if it is empty, nothing is predicted. ``identify_controller``: identify a linear controller from
+    each recording whose profile has none, and replay the recording with it. If a model cannot be
+    compared, ``ModelComparison.cannot`` gives the reason; the other models are still compared.
     """
     flights = tuple(
         compare_flight(
@@ -81,14 +84,21 @@ def compare_flight(
 ) -> FlightComparison:  # fmt: skip
     """Return the comparison of several models with one recording.
 
-    ``horizons_s``: prediction horizons in s. Horizons as long as the flight or longer are left out.
+    ``horizons_s``: prediction horizons in s. A horizon is left out if no rows in flight
+    (`heli3dof.identification.row_selection.rows_in_flight`) are that long without interruption.
     ``identify_controller``: as in `compare`.
     """
     flown = corrected(under_control(recording))
     if identify_controller and flown.profile.controller is None:
         flown = with_known_controller(flown)
     why = why_not_replayed(flown)
-    fits = tuple(h for h in horizons_s if h < flown.duration)
+    in_flight = rows_in_flight(flown)
+
+    def scored(horizon_s: float) -> np.ndarray:
+        """Return (N,) bool: the rows whose predictions pass only through rows in flight."""
+        return rows_within(in_flight, max(1, round(horizon_s / flown.dt)))
+
+    fits = tuple(h for h in horizons_s if scored(h).any())
     steps = STEPS_DRAWN if why else STEPS_AVERAGED  # with a replay, no prediction is drawn
     reasons: list[list[str]] = [[] for _ in models]
     replays = [
@@ -100,7 +110,8 @@ def compare_flight(
         for i, m in enumerate(models)
     ]
     held = predictions(ConstantAngles(), flown, fits, steps=steps) if fits else None
-    rows = common_rows([p for p in (*made, held) if p is not None])
+    common = common_rows([p for p in (*made, held) if p is not None])
+    rows = {h: ok & scored(h)[:, None] for h, ok in common.items()}
     return FlightComparison(
         recording=recording,
         flown=flown,
@@ -109,8 +120,10 @@ def compare_flight(
         why=why,
         constant_angles=_prediction_error(flown, held, rows, fits),
         models=tuple(
-            _model_comparison(flown, m, r, p, rows, fits, tuple(reasons[i]))
-            for i, (m, r, p) in enumerate(zip(models, replays, made, strict=True))
+            _model_comparison(flown, m, label, r, p, rows, fits, tuple(why_not))
+            for m, label, r, p, why_not in zip(
+                models, labels(models), replays, made, reasons, strict=True
+            )
         ),
     )
 
@@ -118,6 +131,7 @@ def compare_flight(
 def _model_comparison(
     flown: Recording,
     model: Model,
+    label: str,
     replayed: Replay | None,
     made: Predictions | None,
     rows: Mapping[float, np.ndarray],
@@ -130,12 +144,12 @@ def _model_comparison(
         error = np.degrees(replayed.angle - flown.angle)
         # Not nanmean: a model that diverges has no RMSE.
         rmse = np.sqrt(np.mean(error**2, axis=0))
-        trace = Trace(model.name, "replay", replayed.t, replayed.angle)
+        trace = Trace(label, "replay", replayed.t, replayed.angle)
         cannot = (*cannot, *_divergence(replayed))
     elif made is not None:
-        trace = Trace(model.name, "prediction", *stitched(flown, made))
+        trace = Trace(label, "prediction", *stitched(flown, made))
     return ModelComparison(
-        name=model.name,
+        name=label,
         kind=model.kind,
         metrics=metrics,
         replay_rmse_deg=rmse,

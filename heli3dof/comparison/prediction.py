@@ -6,6 +6,9 @@ y are the measured angles, ŷ the predicted angles. Predictions need no controll
 for three horizons h, and *over* a window of 3 s: the root of the mean square error over all
 horizons from 0 to 3 s. The baseline is constant angles: ŷ[k] is the angle measured h seconds
 earlier. A useful model has a smaller error than this baseline.
+
+A prediction counts only if all its rows, from the start to row k, are in flight. The models do not
+apply on the table, in the climb after take-off, or at a stop. A diagnosis omits such rows too.
 """
 
 from __future__ import annotations
@@ -88,6 +91,15 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
         there = [np.isfinite(p.ahead[h]) for p in several]
         rows[h] = np.logical_and.reduce([ok | ~ok.any(axis=0) for ok in there])
     return rows
+
+
+def rows_within(part: BoolArray, n: int) -> BoolArray:
+    """Return (N,) bool: the rows k for which all rows from k − n to k are in ``part`` (N,) bool."""
+    out = np.zeros(len(part), dtype=bool)
+    outside = np.concatenate([[0], np.cumsum(~part)])
+    if n < len(part):
+        out[n:] = outside[n + 1 :] == outside[: len(part) - n]
+    return out
 
 
 def rmse_deg(

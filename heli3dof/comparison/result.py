@@ -45,6 +45,7 @@ class ModelComparison:
     """One model compared with one recording: step metrics and errors of replay and prediction."""
 
     name: str
+    """The model's label (`heli3dof.model.labels`), distinct among the compared models"""
     kind: str
     metrics: Mapping[str, AxisMetrics] | None
     """Step metrics by axis of the closed-loop replay; None if there is no replay"""
@@ -83,7 +84,7 @@ class FlightComparison:
         return {name: ours[name] - theirs[name] for name in METRICS}
 
     def model(self, name: str) -> ModelComparison:
-        """Return the comparison of the model called ``name``. Raises KeyError if there is none."""
+        """Return the comparison of the model labelled ``name``; raise KeyError if none is."""
         for m in self.models:
             if m.name == name:
                 return m
@@ -104,6 +105,11 @@ class Comparison(Result):
         for f in self.flights:
             if f.why is not None:
                 sentences.append(f"{f.recording.name}: not replayed: {f.why}.")
+            if self.horizons_s and f.constant_angles is None:
+                sentences.append(
+                    f"{f.recording.name}: not predicted: no {min(self.horizons_s):g} s without "
+                    "take-off, table and stops."
+                )
             for m in f.models:
                 sentences += [f"{f.recording.name}, {m.name}: {c}" for c in m.cannot]
         return tuple(sentences)

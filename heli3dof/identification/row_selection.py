@@ -34,7 +34,7 @@ import itertools
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL, YAW
-from heli3dof.model.estimation.filter_data import LOST, ON_TABLE_BELOW, RowRange
+from heli3dof.model.estimation.filter_data import LOST, ON_TABLE_BELOW, RowRange, climb_rows
 from heli3dof.recording.recording import Recording
 
 REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")
@@ -87,6 +87,21 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         np.zeros(len(recording), dtype=bool) if phase is None else np.asarray(phase) >= 1
     )
     return rows
+
+
+def rows_in_flight(recording: Recording) -> np.ndarray:
+    """Return (N,) bool: True for the rows to which a rigid-body model applies.
+
+    They are not on the table, at a stop, with the motors off, falling, or in the ramp to zero.
+    After take-off, rows are True from the end of the climb on. For a linear model, rows are usable
+    only some seconds later (`unusable`).
+    """
+    masks = unusable(recording)
+    bad = np.logical_or.reduce([m for k, m in masks.items() if k not in ("unread", "take_off")])
+    roll = recording.angle[:, ROLL]
+    for a, b in stretches(masks["take_off"]):
+        bad[a : a + climb_rows(roll[a:b], float(np.nanmin(roll)), recording.dt)] = True
+    return np.asarray(~bad)
 
 
 def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:

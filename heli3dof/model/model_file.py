@@ -10,6 +10,7 @@ import importlib
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ def read_model(path: str | Path) -> Model:
         )
     form_class = getattr(importlib.import_module(f"heli3dof.model.{form}.model"), FORMS[form])
     try:
-        model: Model = form_class.from_dict(data)
+        model: Model = replace(form_class.from_dict(data), file=path)
     except KeyError as error:
         raise _unusable(
             path,

@@ -12,10 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heli3dof.model.greybox.model import nominal
+from heli3dof.model.model_file import save_model
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
+from heli3dof.rig.profile import load_profile
 from tests.cli.running import heli3dof
-from tests.profiles import END_S, STALL_S, START_S, write_profile
+from tests.profiles import END_S, STALL_S, START_S, profile, write_profile
 from tests.profiles import PATIENT as LIMITS
 
 LEVEL = "mock:?speed=max&seed=1&start=level"
@@ -230,6 +233,23 @@ def test_a_plans_name_does_not_lead_to_another_folder(
     assert [parts[:-1] for parts in recorded] == [(), ("flights",)]
     assert recorded[0][-1] == "..-..-evil-on-hover.mcap"
     assert recorded[1][-1].endswith("-..-..-evil.mcap")
+
+
+def test_simulate_uses_the_profile_of_the_model_file(tmp_path: Path) -> None:
+    own = profile(roll_max_deg=31.0)
+    own = own.with_gain(0.9 * np.array(own.with_controller().controller.K_g))  # type: ignore[union-attr]
+    without = own.model_copy(update={"controller": None})
+    other = write_profile(tmp_path / "other.toml", roll_max_deg=32.0)
+    for of_model, options, expected in (
+        (own, (), own),
+        (without, (), without.with_controller()),
+        (own, ("--profile", other), load_profile(other).with_controller()),
+    ):
+        model, path = tmp_path / "model.json", tmp_path / "sim.mcap"
+        save_model(nominal(of_model), model, force=True)
+        words = ("simulate", "steps", "--model", model, "-o", path, "--force", *options)
+        assert heli3dof(*words).code == 0
+        assert read_recording(path).profile == expected
 
 
 class RealTime:

@@ -12,7 +12,10 @@ from heli3dof_recordings import references
 from heli3dof.cli.demo import FOLDER
 from heli3dof.diagnosis import diagnose as diagnosing
 from heli3dof.identification.black_box import state_space
+from heli3dof.model.greybox.model import nominal
+from heli3dof.model.model_file import save_model
 from heli3dof.recording.atomic_write import unused
+from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.flown import first_part
 
@@ -185,6 +188,27 @@ def test_a_report_is_one_self_contained_file(identified: tuple, tmp_path: Path) 
     for outside in ('src="http', 'href="http', "<script src", "@import", "url(http"):
         assert outside not in text
     assert heli3dof("report", TEST[1], "-o", page).code == 2
+
+
+def test_models_of_one_name_are_labelled_by_their_files(tmp_path: Path) -> None:
+    fast, slow = (tmp_path / f"{stem}.json" for stem in ("fast", "slow"))
+    for path, lag_s in ((fast, 0.01), (slow, 0.1)):
+        lag = {"motor.lag.time_constant_s": lag_s}
+        save_model(nominal(default_profile(), ("motor.lag",), **lag), path)
+    compared = heli3dof("compare", TEST[0], fast, slow, "-o", tmp_path / "figures")
+    page = tmp_path / "r.html"
+    reported = heli3dof("report", TEST[0], "--model", fast, "--model", slow, "-o", page)
+    assert (compared.code, reported.code) == (0, 0)
+    rows = [line.split()[0] for line in compared.out.splitlines() if line.strip()]
+    for label in ("fast", "slow"):
+        assert label in rows
+        assert f"Parameters of {label}<" in page.read_text(encoding="utf-8")
+    results = tmp_path / "out"
+    words = ("compare", TEST[0], "--model", fast, "--model", slow, "-o", results, "--workers", 1)
+    assert heli3dof("batch", *words).code == 0
+    head = (results / "results.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert "fast_rmse_1_yaw_deg" in head
+    assert "slow_rmse_1_yaw_deg" in head
 
 
 @pytest.mark.usefixtures("one_order")

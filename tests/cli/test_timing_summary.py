@@ -20,10 +20,11 @@ HELD_UP = replace(OUTCOME, device_skipped=7)
 
 
 def test_the_note_counts_late_missed_and_lost_periods() -> None:
-    assert timing_note(OUTCOME) == (
-        "late by more than 1 ms: 5 of 1000 periods; 30 missed by this computer, "
-        "2 lost on the line; lateness median 2 µs, 99.9 % 0.40 ms, maximum 31.20 ms"
+    counts = (
+        "late by more than 1 ms: 5 of 1000 periods; 30 missed by this computer, 2 lost on the line"
     )
+    assert timing_note(OUTCOME) == counts
+    assert timing_note(replace(OUTCOME, latency=LATENCY)) == counts
 
 
 def test_periods_that_the_device_skipped_are_counted_apart() -> None:
@@ -71,7 +72,6 @@ def test_latency_is_shown_in_ms_and_periods() -> None:
     shown = "median 5.70 ms (3 periods), 99.9 % 5.90 ms (3 periods), maximum 7.80 ms (4 periods)"
     unacknowledged = "5468 of 5469 commands not echoed by the next sample, 0 never"
     slow = replace(OUTCOME, latency=LATENCY)
-    assert f"command to echo {shown}; {unacknowledged}" in timing_note(slow)
     about = {"lateness": None, "samples": 9, "outcome_details": slow.details()}
     rows = dict(timing_rows(about))
     assert rows["command to echo"] == shown

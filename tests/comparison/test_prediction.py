@@ -9,6 +9,7 @@ from heli3dof.comparison.prediction import (
     over_window_deg,
     predictions,
     rmse_deg,
+    rows_within,
     stitched,
 )
 from heli3dof.recording.recording import Recording, make_recording
@@ -27,6 +28,13 @@ def test_constant_angles_have_an_error_of_slope_times_horizon() -> None:
     error = rmse_deg(recording, made)
     assert error[0.5] == pytest.approx([1.0, 0.0, 0.5])
     assert error[3.0] == pytest.approx([6.0, 0.0, 3.0])
+
+
+def test_a_prediction_counts_if_all_its_rows_do() -> None:
+    part = np.array([True, True, True, False, True, True])
+    assert rows_within(part, 1).tolist() == [False, True, True, False, False, True]
+    assert rows_within(part, 2).tolist() == [False, False, True, False, False, False]
+    assert not rows_within(part, 6).any()
 
 
 def test_the_error_over_a_window_of_a_ramp_is_its_end_over_root_three() -> None:

@@ -26,12 +26,11 @@ from heli3dof.identification.greybox.linear_uncertainty import fit_result
 from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.identification.preprocessing import Prepared
-from heli3dof.identification.row_selection import runs_of, stretches, unusable
+from heli3dof.identification.row_selection import rows_in_flight, runs_of, unusable
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import (
     GAP,
     RowRange,
-    climb_rows,
     data_of,
     hold_last,
     starts_on_table,
@@ -212,16 +211,10 @@ def flight_of(recording: Recording) -> Flight:
 def free_rows(recording: Recording) -> np.ndarray:
     """Return (N,) bool: True for the rows to which the rigid-body model can be fitted.
 
-    After take-off, rows are True from the end of the climb on. For a linear model, rows are usable
-    only some seconds later (`heli3dof.identification.row_selection`).
+    They are the rows in flight (`rows_in_flight`) without NaN, and not directly after a gap.
     """
-    masks = unusable(recording)
-    bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
-    bad |= np.concatenate([[False], np.diff(recording.t) > GAP * recording.dt])
-    roll = recording.angle[:, 0]
-    for a, b in stretches(masks["take_off"]):
-        bad[a : a + climb_rows(roll[a:b], float(np.nanmin(roll)), recording.dt)] = True
-    return np.asarray(~bad)
+    gap = np.concatenate([[False], np.diff(recording.t) > GAP * recording.dt])
+    return np.asarray(rows_in_flight(recording) & ~unusable(recording)["unread"] & ~gap)
 
 
 def _airborne(recording: Recording) -> list[RowRange]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from weakref import WeakKeyDictionary
 
@@ -55,6 +56,8 @@ class GreyBoxModel:
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Other content of the model file: recordings, validation verdicts, versions."""
     kind: str = "greybox"
+    file: Path | None = None
+    """The file from which the model was read"""
 
     @cached_property
     def structure(self) -> Structure:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -58,6 +59,8 @@ class LinearModel:
     exact_hold: bool = False
     """True if A, B are the zero-order hold of a continuous-time model (hover, eq (17)), so that the
     model can be resampled. An identified model is valid at its own interval only."""
+    file: Path | None = None
+    """The file from which the model was read"""
 
     @property
     def order(self) -> int:
@@ -184,7 +187,7 @@ class LinearModel:
         """
         n = len(data["A"])
         sizes = {"n": n, "2": 2, "3": 3}
-        arrays = {}
+        arrays: dict[str, Any] = {}
         for key, letters in _KEYS_SHAPES.items():
             shape = tuple(sizes[s] for s in letters)
             array = np.array(data[key], dtype=float)

@@ -81,6 +81,19 @@ def headline(figure: Figure, title: str, height: float) -> None:
     figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
 
 
+def short_label(label: str) -> str:
+    """Return a curve's label for matplotlib, cut to `LABEL_WIDTH` characters in its middle.
+
+    Names of files often differ only at their ends.
+
+    >>> short_label("open-roll-7V-1-extended-2")
+    'open-roll…extended-2'
+    """
+    if len(label) > LABEL_WIDTH:
+        label = label[: LABEL_WIDTH // 2 - 1] + "…" + label[-LABEL_WIDTH // 2 :]
+    return plain(label)
+
+
 def _marks(axes: Axes, c: Curve) -> None:
     """Draw dots where predictions start on curve ``c``, and a cross where its model diverged."""
     style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
@@ -127,7 +140,7 @@ def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> N
     places = spread(np.array([e[0] for e in ends]), gap)
     for (end, c), place in zip(ends, places, strict=True):
         axes.annotate(
-            plain(c.label, LABEL_WIDTH),
+            short_label(c.label),
             xy=(1.0, end),
             xytext=(1.035, place),
             xycoords="axes fraction",
@@ -159,7 +172,7 @@ def _label_exit(axes: Axes, c: Curve) -> None:
     below = y > low + 0.15 * (high - low)
     halo = patheffects.withStroke(linewidth=3, foreground="white")
     axes.annotate(
-        plain(c.label, LABEL_WIDTH),
+        short_label(c.label),
         xy=(t, y),
         xytext=(9, -22 if below else 9),
         textcoords="offset points",

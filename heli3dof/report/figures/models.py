@@ -20,8 +20,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.identification.result import Identification
-from heli3dof.report.figures.labelled_curves import LABEL_WIDTH, headline
-from heli3dof.report.figures.style import BLUE, GRID, RC, SOFT, SYMBOLS, Line, model_lines, plain
+from heli3dof.report.figures.labelled_curves import headline, short_label
+from heli3dof.report.figures.style import BLUE, GRID, RC, SOFT, SYMBOLS, Line, model_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,8 +120,8 @@ def _bode_curve(magnitude, phase, omega, c: BodeCurve, line: Line) -> None:  # t
     size = np.abs(c.response)
     angle = np.degrees(np.unwrap(np.angle(c.response)))
     angle -= 360 * np.ceil(angle[0] / 360 - 1e-6)  # every curve starts between −360° and 0°
-    magnitude.plot(omega, _db(size), label=plain(c.label, LABEL_WIDTH), **line.kwargs())
-    phase.plot(omega, angle, label=plain(c.label, LABEL_WIDTH), **line.kwargs())
+    magnitude.plot(omega, _db(size), label=short_label(c.label), **line.kwargs())
+    phase.plot(omega, angle, label=short_label(c.label), **line.kwargs())
     if c.std is not None:
         low, high = np.maximum(size - 2 * c.std, 0.05 * size), size + 2 * c.std
         spread = np.degrees(np.minimum(2 * c.std / size, np.pi / 2))

@@ -13,6 +13,7 @@ where A, B, C are the discrete model's matrices. V_F and V_B are the front and b
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from heli3dof.axes import AXES
 from heli3dof.errors import CheckFailed
 from heli3dof.model.base import Model
 from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.labels import labels
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.report.figures.models import LOWEST, BodeCurve, bode_figure
 from heli3dof.report.pages.html import figure, table
@@ -45,9 +47,14 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
     """
     if not models:
         return []
+    named = list(zip(labels(models), models, strict=True))
     blocks = [table(models_table(models, profile))]
-    blocks += [table(parameters_of(m)) for m in models if isinstance(m, GreyBoxModel)]
-    linear = [x for m in models if (x := linearised(m)) is not None]
+    blocks += [
+        table(parameters_of(replace(m, name=name)))
+        for name, m in named
+        if isinstance(m, GreyBoxModel)
+    ]
+    linear = [replace(x, name=name) for name, m in named if (x := linearised(m)) is not None]
     if linear:
         omega, channels = bode_of(linear)
         drawn = bode_figure(omega, channels, title="Bode diagrams of the models")
@@ -89,14 +96,14 @@ def parameters_of(model: GreyBoxModel) -> Grid:
 def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
     """Return a table of models: name, kind, order, poles; with ``profile`` closed-loop poles."""
     rows = []
-    for m in models:
+    for name, m in zip(labels(models), models, strict=True):
         order, poles = NONE, NONE
         if (linear := linearised(m)) is not None:
             order, poles = str(linear.order), poles_text(plant_poles(linear))
         loop = NONE
         if profile is not None and profile.controller is not None:
             loop = poles_text(m.loop_poles(profile.controller, profile.dt))
-        rows.append([m.name, m.kind.replace("_", " "), order, poles, loop])
+        rows.append([name, m.kind.replace("_", " "), order, poles, loop])
     return Grid(
         "Models and their poles, in rad/s",
         ["model", "kind", "order", "poles", "closed-loop poles"],

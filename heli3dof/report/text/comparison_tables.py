@@ -94,14 +94,20 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of step metrics, with a row per reference segment of each axis."""
+    """Return a table of step metrics, with a row per reference segment of each axis.
+
+    Notes explain the steady error, and a settling time that is undefined.
+    """
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis in AXES
         for step in metrics[axis].steps
         if step.kind != "none"
     ]
-    return Grid(title, ["axis", "step", *METRIC_HEADS], rows, text_columns=2)
+    notes = ["error: angle minus set value, mean over the last tenth of the step."] * bool(rows)
+    if any(row[-1] == NONE for row in rows):
+        notes.append("– under settling: no step, or the angle did not stay within ±2 % of it.")
+    return Grid(title, ["axis", "step", *METRIC_HEADS], rows, notes=notes, text_columns=2)
 
 
 def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[str]:
@@ -130,7 +136,8 @@ def prediction_table(flight: FlightComparison) -> Grid | None:
         rows,
         notes=[
             "Each prediction starts from a state estimated up to then and uses the measured "
-            "voltages. All models are evaluated on the same samples.",
+            "voltages. All models are evaluated on the same samples, without take-off, table and "
+            "stops.",
             *([] if flight.why is None else [f"Not replayed: {flight.why}."]),
             *([] if flight.why is None else _model_notes(flight)),
         ],

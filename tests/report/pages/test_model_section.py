@@ -41,5 +41,12 @@ def test_the_section_has_parameters_and_bode_diagrams_of_a_grey_box() -> None:
     assert "<figure" in text
 
 
+def test_models_of_one_name_have_the_labels_of_the_comparison() -> None:
+    text = "".join(model_blocks([LAGGING, nominal(PROFILE)], PROFILE))
+    for label in ("rigid-body", "rigid-body (2)"):
+        assert f"Parameters of {label}<" in text
+        assert text.count(f">{label}<") >= 1
+
+
 def test_a_model_of_another_kind_has_no_bode_diagram() -> None:
     assert linearised(FakeHover()) is None

@@ -7,11 +7,13 @@ import pytest
 from rich.console import Console
 
 from heli3dof.comparison.compare import FlightComparison, compare
+from heli3dof.comparison.metrics import NOTHING, AxisMetrics, flight_metrics
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.report.text.comparison_tables import (
     comparison_grids,
     comparison_summary,
     fit_table,
+    metrics_of,
     metrics_table,
     prediction_table,
     published_table,
@@ -50,6 +52,16 @@ def test_a_difference_follows_its_model_with_its_sign(compared: FlightComparison
     peak = compared.difference(compared.models[0], "roll")["peak_deg"]
     assert rows[k + 1][1].strip() == "Δ"
     assert rows[k + 1][2] == f"{peak:+.2f}".replace("-", "−")
+
+
+def test_the_table_of_steps_explains_the_error_and_a_missing_settling_time() -> None:
+    unset = AxisMetrics(NOTHING, (NOTHING,))
+    for seconds, settles in ((20.0, True), (2.0, False)):
+        roll = flight_metrics(flight(duration_s=seconds))["roll"]
+        grid = metrics_of({"roll": roll, "pitch": unset, "yaw": unset}, "Steps")
+        assert (grid.rows[0][-1] != "–") == settles
+        assert "angle minus set value, mean over the last tenth" in grid.notes[0]
+        assert ["– under settling" in n for n in grid.notes[1:]] == [True] * (not settles)
 
 
 def test_table_ii_has_the_published_differences(compared: FlightComparison) -> None:

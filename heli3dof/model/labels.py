@@ -1,0 +1,35 @@
+"""Label models in tables, figures and documents, so that each has a label of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+
+from heli3dof.model.base import Model
+
+
+def labels(models: Sequence[Model]) -> list[str]:
+    """Return a distinct label for each model.
+
+    The label is the model's name if no other model has it, else the stem of the model's file. If
+    the model was not read from a file, or the stem is not distinct, the label is the name, from
+    its second use on with a number: ``extended (2)``.
+    """
+    names = [m.name for m in models]
+    first = [n if names.count(n) == 1 else _stem(m) for n, m in zip(names, models, strict=True)]
+    out: list[str] = []
+    for name, label in zip(names, first, strict=True):
+        choice = label if first.count(label) == 1 else name
+        for k in count(2):
+            if choice not in out:
+                break
+            choice = f"{name} ({k})"
+        out.append(choice)
+    return out
+
+
+def _stem(model: Model) -> str:
+    """Return the stem of the file that the model was read from, or the model's name."""
+    file: Path | None = getattr(model, "file", None)
+    return model.name if file is None else file.stem
