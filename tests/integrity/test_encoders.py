@@ -10,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.axes import AXES
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.integrity import Kind, integrity
 from heli3dof.integrity.response import with_step
 from heli3dof.integrity.scale import misfit
@@ -234,6 +236,18 @@ def test_a_safety_stop_is_noted_with_its_reason() -> None:
     (note,) = integrity(replace(r, meta=meta))
     assert (note.check, note.kind) == ("flight.tripped", Kind.NOTE)
     assert "pitch reached 61°" in note.sentence
+    assert "encoder's sign" in note.cause
+    assert "heli3dof monitor" in note.fix
+
+
+def test_an_emergency_stop_is_noted_with_the_cause_that_the_flight_recorded() -> None:
+    device = "mock:?speed=max&fault=button@4"
+    r = fly_plan(step_plan((5.0, None, None)), device=device).recording
+    (note,) = (f for f in integrity(r) if f.check == "flight.tripped")
+    assert "BUTTON" in note.sentence
+    assert "monitor" not in note.sentence + note.fix
+    assert note.cause == "somebody pressed the rig's button."
+    assert "find out who stopped it and why" in note.fix
 
 
 def test_a_wrong_yaw_count_that_pitch_may_explain_names_both_axes() -> None:
