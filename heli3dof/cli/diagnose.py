@@ -119,10 +119,11 @@ def diagnose(
 
 
 def _device(recordings: Sequence[Recording]) -> str | None:
-    """Return the URL of the device of all recordings; None if unknown or not the same."""
-    urls = {r.meta.get("device") for r in recordings}
-    url = urls.pop() if len(urls) == 1 else None
-    return str(url) if url else None
+    """Return the URL for a further flight of the rig of all recordings; None if it is unknown."""
+    from heli3dof.rig.url import url_of_next_flight
+
+    urls = {str(r.meta.get("device") or "") for r in recordings}
+    return url_of_next_flight(urls) or None
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:

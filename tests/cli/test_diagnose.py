@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from heli3dof.cli.diagnose import _device as flown_again
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
@@ -88,6 +89,18 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
         assert words in result.err
     assert "Screening against 8 null simulations …\n" in result.err
     assert "nulls … " not in result.err  # how far it has come is for terminals
+
+
+def test_the_next_flight_of_an_emulated_rig_has_another_seed() -> None:
+    def flown_on(*urls: str) -> str | None:
+        return flown_again([replace(r, meta={"device": url}) for url in urls])
+
+    r = flown("steps", 3.0, device="mock:?speed=max")
+    assert flown_on("mock:?speed=max&seed=13") == "mock:?speed=max&seed=14"
+    assert flown_on("mock:?seed=13", "mock:?seed=15") == "mock:?seed=16"
+    assert flown_on("mock:?seed=13", "mock:?seed=15&start=level") is None
+    assert flown_on("serial:///dev/ttyACM0") == "serial:///dev/ttyACM0"
+    assert flown_again([replace(r, meta={})]) is None
 
 
 def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(
