@@ -7,7 +7,6 @@ defines its keys. `faults` and `next_steps` also state what the user can do.
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
+from heli3dof.recording.provenance import run_command
 from heli3dof.report.text.number_format import NONE, fixed, significant
 
 Document = Mapping[str, Any]
@@ -171,7 +171,7 @@ def calibration_doubts(document: Document) -> Iterator[str]:
         yield (
             f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
             "rig (docs/reference/profile.md), or diagnose these recordings together with a larger "
-            "flight (heli3dof run large)."
+            f"flight ({_fly(document, 'large')})."
         )
 
 
@@ -443,6 +443,12 @@ def _profile_update(document: Document) -> Iterator[str]:
         )
 
 
+def _fly(document: Document, plan: str) -> str:
+    """Return the command that flies a ``plan`` on the rig of the diagnosed recordings."""
+    about = document.get("about", {})
+    return run_command(plan, about.get("device"), about.get("profile"))
+
+
 def next_steps(document: Document) -> Iterator[str]:
     """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
@@ -452,17 +458,13 @@ def next_steps(document: Document) -> Iterator[str]:
         yield from _profile_update(document)
     upcoming = document["next_experiment"]
     if upcoming is not None:
-        device = document.get("about", {}).get("device")
-        where = f" --device {shlex.quote(device)}" if device else ""
-        yield (
-            f"Next experiment: heli3dof run {upcoming['plan']}{where}. Reason: {upcoming['why']}."
-        )
+        yield f"Next experiment: {_fly(document, upcoming['plan'])}. Reason: {upcoming['why']}."
     elif reason := document.get("about", {}).get("no_next_experiment"):
         yield f"No next experiment is recommended: {reason}."
     elif document["verdict"] == "nothing_found":
         yield (
-            "A larger flight shows smaller effects: heli3dof run large, then diagnose it together "
-            "with these recordings."
+            f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
+            "together with these recordings."
         )
     nulls = str(document.get("about", {}).get("nulls", "simulated"))
     if not nulls.startswith("simulated"):

@@ -213,6 +213,12 @@ def test_the_next_experiment_is_flown_on_the_same_device() -> None:
     assert "--device" not in text_of(changed(about={}))
 
 
+def test_the_next_experiment_is_flown_with_the_same_profile() -> None:
+    text = text_of(changed(about={"profile": "lab.toml"}))
+    assert "heli3dof run coast-down --profile lab.toml. Reason:" in text
+    assert "--profile" not in text_of(changed(about={}))
+
+
 def test_the_reason_for_no_next_experiment_is_reported() -> None:
     text = text_of(changed(next_experiment=None, about={"no_next_experiment": "nothing is open"}))
     assert "No next experiment is recommended: nothing is open." in text
