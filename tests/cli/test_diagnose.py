@@ -91,6 +91,8 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE after refitting"):
         assert words in result.err
     assert "Screening against 8 null simulations …\n" in result.err
+    assert "Candidate: stiffness.cable.yaw.\n" in result.err
+    assert result.err.count("Measuring the gain on held-out data …\n") == 1
     assert "nulls … " not in result.err  # how far it has come is for terminals
 
 

@@ -15,6 +15,7 @@ from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError
+from heli3dof.identification.profile_update import ratio_unit
 from heli3dof.model.effects import term
 from heli3dof.recording.provenance import run_command
 from heli3dof.report.text.number_format import NONE, fixed, significant
@@ -138,7 +139,7 @@ def calibration_change(document: Document) -> Iterator[str]:
     yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
-        f"(profile: {significant(r['nominal'], r['std'])})"
+        f"{ratio_unit(r['ratio'])} (profile: {significant(r['nominal'], r['std'])})"
         for r in document["ratios"]
         if abs(r["value"] - r["nominal"]) > 2 * r["std"]
     ]
@@ -230,8 +231,12 @@ def causes(document: Document) -> Iterator[str]:
         text = f"{name}: {what}" if what else f"{name}."
         confidence = f["confidence"]
         if f["tied_with"]:
-            text += f" An effect is present (confidence {percent(confidence)}), confounded with "
+            sure = f"confidence {percent(confidence)}"
+            sure = "not tested: --quick" if untested(document, f) else sure
+            text += f" An effect is present ({sure}), confounded with "
             text += _confounded(name, [str(x) for x in f["tied_with"]])
+        elif untested(document, f):
+            text += " Not tested on left-out blocks: --quick."
         elif confidence is not None:
             text += f" Confidence: {percent(confidence)}."
         if f["gain"]["holdout_log_likelihood"] is not None and f["axis"] in unmodelled:
@@ -239,12 +244,17 @@ def causes(document: Document) -> Iterator[str]:
                 f" An unmodelled effect also acts on {f['axis']} and may account for part of "
                 f"this: read it as {name}-like."
             )
-        elif f.get("like"):
+        elif f.get("like") and not untested(document, f):
             text += (
                 f" Read it as {name}-like: its size is uncertain, it may compensate for another "
                 "cause's model error, or held-out data do not confirm it."
             )
         yield text
+
+
+def untested(document: Document, finding: Document) -> bool:
+    """Return True if a finding is unconfirmed only because quick mode left the test out."""
+    return bool(finding.get("like") and document.get("about", {}).get("causes_untested"))
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
@@ -318,8 +328,11 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
             text += f" (or on {also}: this flight hardly separates them)"
         if rest.get("like"):
             text += f"; it is {rest['like']} (not confirmed)"
-        yield f"{text}."
-        yield _torque_term(rest, measured_on(document))
+        if rest.get("term"):
+            yield f"{text}."
+            yield _torque_term(rest, measured_on(document))
+        else:
+            yield f"{text}. The extended model does not contain it."
     if remaining := [x for x in document["leftover"] if x.get("error_deg")]:
         yield _remaining(document, remaining)
 
@@ -361,8 +374,6 @@ def _torque_term(rest: Document, where: str) -> str:
     ``rest``: the torque's object in the JSON document. The RMSE is given without and with the term;
     ``where`` names the data on which it was measured.
     """
-    if not rest.get("term"):
-        return "The extended model does not contain this torque."
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
     if not rest["formula"]:
         return f"The extended model contains it as a curve; no formula fits as well. {gain}"

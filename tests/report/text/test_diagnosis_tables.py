@@ -9,9 +9,14 @@ from typing import Any
 
 import pytest
 
-from heli3dof.report.text import diagnosis_sentences
+from heli3dof.report.text import diagnosis_sentences, diagnosis_summary
 from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
-from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
+from heli3dof.report.text.diagnosis_sentences import (
+    VERDICTS,
+    causes,
+    slow_noise,
+    unmodelled_effects,
+)
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 from heli3dof.report.text.table import Grid
 from tests.pages.markdown_table import to_markdown
@@ -145,7 +150,7 @@ def test_a_refit_that_explains_most_of_an_error_is_stated_beside_the_causes(
     text = text_of(changed(verdict="explained", calibration_gain=gain, ratios=ratios))
     assert ("and refitted parameters explain" in text) is stated
     assert ("changes: roll 4.13° → 0.22°." in text) is stated
-    assert ("V_o = 8.2220 ± 0.0050 (profile: 7.4560)" in text) is stated
+    assert ("V_o = 8.2220 ± 0.0050 V (profile: 7.4560)" in text) is stated
 
 
 def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
@@ -263,6 +268,25 @@ def test_a_cause_that_held_out_data_do_not_confirm_is_only_similar() -> None:
     assert "yaw-like" not in text_of(alone)
     alone["findings"][0]["like"] = True
     assert "Read it as friction.coulomb.yaw-like" in text_of(alone)
+
+
+def test_a_cause_that_quick_mode_did_not_test_is_reported_as_that() -> None:
+    quick = changed(leftover=[], about={"causes_untested": True})
+    quick["findings"][0].update(like=True, confidence=0.5, tied_with=[])
+    (text, *_) = causes(quick)
+    assert text.endswith("Not tested on left-out blocks: --quick.")
+    assert "50 %" not in text
+    (line, *_) = diagnosis_summary.causes(quick)
+    assert line.endswith("; not tested (--quick).")
+    assert "50 %" not in line
+
+
+def test_each_torque_that_the_model_lacks_is_stated_in_one_sentence() -> None:
+    rest = {**changed()["leftover"][0], "term": None, "also": []}
+    document = changed(leftover=[rest, {**rest, "axis": "pitch"}])
+    sentences = list(unmodelled_effects(document))
+    assert len(sentences) == len(set(sentences)) == 2
+    assert all(s.endswith(". The extended model does not contain it.") for s in sentences)
 
 
 def test_slow_noise_is_stated_in_one_sentence() -> None:
