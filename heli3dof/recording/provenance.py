@@ -76,9 +76,11 @@ def profile_file(recordings: Sequence[Recording]) -> str | None:
     """Return the profile's file that a further flight of these recordings' rig needs.
 
     It is a placeholder if the file is unknown, and None for the paper's rig, whose profile is the
-    default.
+    default. Limits are not compared, because other versions have other default limits.
     """
-    if all(r.profile == default_profile() for r in recordings):
+    default = default_profile()
+    same_limits = {"limits": default.limits}
+    if all(r.profile.model_copy(update=same_limits) == default for r in recordings):
         return None
     files = {r.meta.get(PROFILE_FILE) for r in recordings}
     file = files.pop() if len(files) == 1 else None

@@ -110,6 +110,9 @@ def test_the_next_flight_of_an_emulated_rig_has_another_seed() -> None:
 
 def test_the_next_flight_has_the_profile_of_the_recordings(tmp_path: Path) -> None:
     r = flown("steps", 3.0, device="mock:?speed=max")
+    landing = r.profile.limits.model_copy(update={"landing_s": 0.5})
+    older = replace(r, profile=r.profile.model_copy(update={"limits": landing}), meta={})
+    assert rig_to_fly([older]) == {}
     other = replace(r, profile=r.profile.model_copy(update={"name": "lab"}), meta={})
     assert rig_to_fly([other]) == {"profile": "PROFILE.toml"}
     log, file = export(other, tmp_path / "log.csv"), tmp_path / "lab.toml"
