@@ -111,9 +111,15 @@ def refit_explains(document: Document) -> bool:
     The refit must remove most of the axis' mean square error, and the decrease must be significant
     (`heli3dof.diagnosis.validation.gain.removes_most`). With the verdict ``off_calibration`` the
     result is True without this test.
+
+    The refit contains no causes, so its parameters may only compensate for one. If causes were
+    adopted, a ratio of parameters must therefore differ from the profile with the causes in the
+    model (`changed_ratios`).
     """
     if document["verdict"] == "off_calibration":
         return True
+    if adopted(document) and not changed_ratios(document):
+        return False
     gain = document.get("calibration_gain", {})
     error = gain.get("holdout_rmse_deg")
     return any(
@@ -123,6 +129,12 @@ def refit_explains(document: Document) -> bool:
         )
         for axis, won in gain.get("rmse_reduction_deg", {}).items()
     )
+
+
+def changed_ratios(document: Document) -> list[Document]:
+    """Return the ratios of parameters that differ by more than two std from the profile's."""
+    ratios = document.get("ratios", ())
+    return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
 
 def calibration_change(document: Document) -> Iterator[str]:
@@ -140,8 +152,7 @@ def calibration_change(document: Document) -> Iterator[str]:
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
         f"{ratio_unit(r['ratio'])} (profile: {significant(r['nominal'], r['std'])})"
-        for r in document["ratios"]
-        if abs(r["value"] - r["nominal"]) > 2 * r["std"]
+        for r in changed_ratios(document)
     ]
     if off:
         yield f"Well determined, and not as in the profile: {', '.join(off)}."
