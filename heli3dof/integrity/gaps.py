@@ -16,11 +16,10 @@ import numpy as np
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
+from heli3dof.recording.gap_filling import HOLE_S
 
 SHARE, LEAST = 5e-4, 5
 """Least share and number of lost samples of a finding; fewer are a note. Chosen."""
-HOLE_S = 1.0
-"""s: a gap this long is no lost samples: the log was cut, or the link was down. Chosen."""
 BAD_SHARE = 0.3
 """Share above which the recording is bad data. Chosen."""
 
