@@ -102,8 +102,7 @@ def diagnose(
     document = to_document(result, written, upcoming)
     if (exercises := _exercises([*train, *test])) is not None:
         document["about"]["exercises"] = exercises
-    if (device := _device([*train, *test])) is not None:
-        document["about"]["device"] = device
+    document["about"] |= rig_to_fly([*train, *test])
     show_diagnosis(out, document, verbose=verbose)
     if written is not None:
         out.note(f"Model: {written}")
@@ -118,11 +117,17 @@ def diagnose(
         _end_with_bad_data(out, result)
 
 
-def _device(recordings: Sequence[Recording]) -> str | None:
-    """Return the URL of the device of all recordings; None if unknown or not the same."""
-    urls = {r.meta.get("device") for r in recordings}
-    url = urls.pop() if len(urls) == 1 else None
-    return str(url) if url else None
+def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
+    """Return ``device`` (a URL) and ``profile`` (a file) for a further flight of this rig.
+
+    An unknown device and the default profile have no entry.
+    """
+    from heli3dof.recording.provenance import profile_file
+    from heli3dof.rig.url import url_of_next_flight
+
+    url = url_of_next_flight({str(r.meta.get("device") or "") for r in recordings})
+    entries = {"device": url, "profile": profile_file(recordings)}
+    return {key: value for key, value in entries.items() if value}
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:

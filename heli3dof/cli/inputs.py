@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
     UsageError for a file that cannot be used.
     """
     from heli3dof.recording.load import load
+    from heli3dof.recording.provenance import PROFILE_FILE
 
     used = log_profile(profile)
     loaded = []
@@ -39,6 +41,9 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
         recording = load(path, used)
         for warning in recording.meta.get("warnings", ()):
             out.warn(f"{path.name}: {warning}")
+        if profile is not None:
+            meta = {**recording.meta, PROFILE_FILE: str(profile)}
+            recording = replace(recording, meta=meta)
         loaded.append(recording)
     return loaded
 

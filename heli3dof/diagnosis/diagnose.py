@@ -130,7 +130,7 @@ def _diagnosed(
     base_fit = fit_base(setup)
     steps, fit = forward_selection(setup, base_fit, effort, clock)
     first = steps[0]
-    clock.start("gain", "Measuring the gain on held-out data …")
+    clock.start("gain", "Testing the candidates on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
     settled = adopted(fit, choices, held, seed=seed)
     if settled.dropped and not settled.findings:  # the base fit has its own bias correction
@@ -198,7 +198,7 @@ def forward_selection(
         if step.choice is None:
             break
         choice = step.choice
-        clock.progress(f"Found {choice.term.name}.")
+        clock.progress(f"Candidate: {choice.term.name}.")
         fit = wider
         if not choice.term.effect.of_base:  # a part of the body's equations is no defect
             remaining -= 1

@@ -16,6 +16,7 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, no_file
 from heli3dof.model.effects.empirical import PREFIX, factors, unit_of_product
+from heli3dof.model.parameter_units import torque_per
 
 CODE = {
     "roll": "s[R]", "pitch": "s[P]", "yaw": "s[PSI]", "roll_rate": "s[R_DOT]",
@@ -53,7 +54,7 @@ class Formula:
     @property
     def unit(self) -> str:
         unit = unit_of_product(self.product)
-        return f"N·m/({unit})" if unit else "N·m"
+        return torque_per(unit)
 
 
 def read_formulas(path: Path) -> list[Formula]:

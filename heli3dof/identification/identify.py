@@ -23,6 +23,7 @@ from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
 from heli3dof.recording.logs.corrections import corrected
+from heli3dof.recording.provenance import profile_file, run_command
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress, StageClock
 
@@ -211,18 +212,19 @@ def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
     each_axis = list(zip(AXES, score.fit_percent, motion, strict=True))
     little = [(a, m) for a, fit, m in each_axis if not fit >= 0 and m < LITTLE_MOTION_DEG]
     poor = [a for a, fit, m in each_axis if fit < 0 and m >= LITTLE_MOTION_DEG]
+    fly = run_command("multisine", None, profile_file(prepared.recordings))
     out = []
     if little:
         each = ", ".join(f"{axis} {m:.2g}°" for axis, m in little)
         out.append(
             f"The held-out data hardly move ({each} rms), so their fit does not test the "
-            "model. To test it, record more motion: heli3dof run multisine"
+            f"model. To test it, record more motion: {fly}"
         )
     if poor:
         out.append(
             f"{SUMMARY_HORIZON_S:g} s predictions of {' and '.join(poor)} are worse than the mean "
             "(negative fit): the recordings hold too little of this motion. Do not use the model "
-            "for it; record a richer experiment: heli3dof run multisine"
+            f"for it; record a richer experiment: {fly}"
         )
     return out
 

@@ -214,6 +214,11 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
     return out
 
 
+def ratio_unit(name: str) -> str:
+    """Return the unit of one of the `ratios`."""
+    return "V" if name == "V_o" else "N/(V·kg·m²)"
+
+
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
     """Return the relative std of m/K_f. As m contains the error of K_f, this error cancels."""
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))

@@ -46,7 +46,7 @@ class Fault:
     """What happened, with numbers and limits"""
     cause: str
     fix: str
-    """Command or change that removes the fault"""
+    """Command or change that removes the fault; empty if there is nothing to do"""
     effect: str | None = None
     """Name of the effect in docs/reference/effects.md that the fault is, or None"""
     axis: str | None = None

@@ -27,7 +27,7 @@ CAUSE = {
     "references are not those that it had.",
 }
 FIX = {
-    Match.LATE: "nothing to do",
+    Match.LATE: "",
     Match.EXCITED: "log the excitation as v_front_extra_V, v_back_extra_V",
     Match.OTHER: "correct [controller] in the profile, or remove it from the profile",
 }
@@ -60,7 +60,7 @@ def identified(view: View) -> Iterable[Fault]:
             f"leaves {100 * law.share:.2g} % of the voltages' changes unexplained. Simulated "
             "flights use it.",
             "the profile has no [controller], or another controller flew the log.",
-            "nothing to do",
+            "",
         )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Report that a safety monitor ended the flight. The recording stays usable."""
+"""Report that a safety trip or an emergency stop ended the flight. The recording stays usable."""
 
 from __future__ import annotations
 
@@ -7,23 +7,32 @@ from collections.abc import Iterable
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
 
+CAUSE = (
+    "the rig differs from its profile: an encoder's sign, front and back swapped, the amplifier's "
+    "gain; or the envelope is too tight."
+)
+FIX = (
+    "switch the amplifier off; heli3dof monitor, and turn each axis by hand: do angle and sign "
+    "agree?"
+)
+
 
 def ended(view: View) -> Iterable[Fault]:
+    """Yield a note with the cause and the remedy that the flight itself recorded, if it did."""
     r = view.recording
     if r.meta.get("outcome") != "tripped":
         return
     details = r.meta.get("outcome_details")
-    detail = details.get("detail", "") if isinstance(details, dict) else ""
+    details = details if isinstance(details, dict) else {}
+    detail = details.get("detail")
     yield Fault(
         "flight.tripped", Kind.NOTE, r.name,
-        f"{r.name}: a safety monitor ended the flight after {r.duration:.3g} s"
+        f"{r.name}: the flight was ended for safety after {r.duration:.3g} s"
         + (f": {detail}." if detail else "."),
-        "the rig differs from its profile: an encoder's sign, front and back swapped, the "
-        "amplifier's gain; or the envelope is too tight.",
-        "switch the amplifier off, turn each axis by hand during heli3dof run-step --roll 1, and "
-        "check the signs: heli3dof report REC",
+        details.get("likely_cause") or CAUSE,
+        details.get("fix") or FIX,
         confidence=0.5,
     )  # fmt: skip
 
 
-CHECKS = (Check("flight.tripped", Stage.MOTION, "a safety monitor ended the flight", ended),)
+CHECKS = (Check("flight.tripped", Stage.MOTION, "a safety trip or emergency stop", ended),)

@@ -29,6 +29,9 @@ SMOOTH_S = 0.5
 HOLDS_NM = np.array([0.4, 0.04, 0.2])
 """N·m that friction may hold, by axis. A real rig's roll stuck for 1.3 s against ±0.25 N·m."""
 RISEN = np.radians(25.0)
+CHECK_BY_HAND = (
+    "switch the amplifier off; heli3dof monitor, and turn {} by hand: does its angle follow?"
+)
 LEFT_OUT = ("unread", "motors_off", "ramp_down")
 
 
@@ -76,8 +79,7 @@ def frozen(view: View) -> Iterable[Fault]:
             f"{evidence}.",
             "the encoder's cable or its input on the card; or the axis is clamped, or rests at a "
             "stop that a wrong scale or offset hides.",
-            "switch the amplifier off, turn the axis by hand during heli3dof run-step --roll 1, "
-            "check with heli3dof report REC that it moves, then record again"
+            f"{CHECK_BY_HAND.format(AXES[i])} Then record again"
             if whole or a < 5 / r.dt else
             f"use the data before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",
             axis=AXES[i], confidence=0.99,
@@ -93,8 +95,7 @@ def _never_moves(view: View, i: int) -> Iterable[Fault]:
             f"{r.name}: {AXES[i]} never changes by a count. Its voltages are too small to decide "
             "whether it should move.",
             "the axis is clamped or held by friction, or its encoder is not connected.",
-            "switch the amplifier off, turn the axis by hand during heli3dof run-step --roll 1, "
-            "and check with heli3dof report REC that it moves", axis=AXES[i], confidence=0.5,
+            CHECK_BY_HAND.format(AXES[i]), axis=AXES[i], confidence=0.5,
         )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """Report ``timing.gaps``: lost samples, and rows with a value that is not finite.
 
-Of n samples taken (`View.ticks`), n_i are lost in gap i, and u contain a value that is not finite.
+A gap of `HOLE_S` or more is a hole: a note of its own, and no lost samples. Of the n other samples
+taken (`View.ticks`), n_i are lost in gap i, and u contain a value that is not finite.
 
     lost_share = (Σ n_i + u)/n
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
+from heli3dof.recording.gap_filling import HOLE_S
 
 SHARE, LEAST = 5e-4, 5
 """Least share and number of lost samples of a finding; fewer are a note. Chosen."""
@@ -26,15 +28,17 @@ def gaps(view: View) -> Iterable[Fault]:
     r = view.recording
     if len(r) < 20 or not (np.diff(r.t) > 0).all():
         return
-    missing = view.ticks.missing
-    sizes = [int(n) for n in missing[missing > 0]]
+    missing, holes = view.ticks.missing, np.diff(r.t) >= HOLE_S
+    yield from _holes(view, np.flatnonzero(holes))
+    sizes = [int(n) for n in missing[(missing > 0) & ~holes]]
     columns = np.column_stack([r.voltage, r.angle])
     logged = columns[:, np.isfinite(columns).any(axis=0)]
     incomplete = int((~np.isfinite(logged)).any(axis=1).sum())
-    lost = view.ticks.lost + incomplete
+    in_holes = int(missing[holes].sum())
+    lost = view.ticks.lost - in_holes + incomplete
     if lost <= 0:
         return
-    expected = int(view.ticks.number[-1]) + 1
+    expected = int(view.ticks.number[-1]) + 1 - in_holes
     share = lost / expected
     std = float(np.sqrt(sum(n * n for n in sizes) + incomplete)) / expected
     longest = max(sizes, default=0)
@@ -56,6 +60,20 @@ def gaps(view: View) -> Iterable[Fault]:
         "periods were late or missed",
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,
+    )  # fmt: skip
+
+
+def _holes(view: View, before: np.ndarray) -> Iterable[Fault]:
+    """Yield a note on the holes, if there are any; ``before``: the rows before them."""
+    r = view.recording
+    if not len(before):
+        return
+    each = " and ".join(f"from {r.t[k]:.1f} to {r.t[k + 1]:.1f} s" for k in before)
+    yield Fault(
+        "timing.hole", Kind.NOTE, r.name, f"{r.name}: no samples {each}.",
+        "the log was cut or joined, or the link was down. The parts before and after are used as "
+        "separate intervals.",
+        "",
     )  # fmt: skip
 
 

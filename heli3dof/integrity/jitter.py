@@ -64,7 +64,7 @@ def jitter(view: View) -> Iterable[Fault]:
             f"{r.name}: the time stamps have a sampling jitter of ±{1e3 * stamps_s:.2g} ms (RMS)"
             + ("." if is_finding else ", which is usual for a computer's timer."),
             "a timer without real-time priority, or a shared bus.",
-            (LOGGED if r.meta.get("log") else FLOWN) if is_finding else "nothing to do",
+            (LOGGED if r.meta.get("log") else FLOWN) if is_finding else "",
             effect="timing.jitter", parameters={"jitter_s": (stamps_s, std)},
         )  # fmt: skip
 

@@ -84,7 +84,7 @@ def limit(view: View) -> Iterable[Fault]:
             "voltage.limit", Kind.NOTE, r.name,
             f"{exceeds}. Identification and diagnosis limit it to ±{v_max:.4g} V.",
             "the log contains the controller's output before the limiter.",
-            "nothing to do; if the amplifier's limit is higher, correct motor.v_max",
+            "if the amplifier's limit is higher, correct motor.v_max",
         )  # fmt: skip
 
 
@@ -190,10 +190,11 @@ def commanded(view: View) -> Iterable[Fault]:
         "voltage.commanded", Kind.NOTE, r.name,
         f"{r.name}: below the limit, the amplifier's voltage differs from the command in "
         f"{100 * share:.3g} % of the rows"
-        + (": it is the previous row's command." if late else "."),
+        + (": it is the previous row's command." if late else ".")
+        + " The models use the amplifier's voltage.",
         "the log pairs a sample with the voltage held until then." if late else
         "a slew-rate limit, a watchdog, lost commands, or noise of a measured voltage.",
-        "nothing to do: the models use the amplifier's voltage",
+        "",
     )  # fmt: skip
 
 

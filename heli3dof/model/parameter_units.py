@@ -31,6 +31,16 @@ def _product(units: str) -> str:
     return "·".join(u.replace("deg", "°").translate(SUPERSCRIPTS) for u in each)
 
 
+def torque_per(unit: str) -> str:
+    """Return the unit of a torque per ``unit``, which may be empty.
+
+    >>> torque_per("V"), torque_per("rad/s"), torque_per("")
+    ('N·m/V', 'N·m/(rad/s)', 'N·m')
+    """
+    is_product = "·" in unit or "/" in unit
+    return f"N·m/({unit})" if is_product else f"N·m/{unit}" if unit else "N·m"
+
+
 def named_unit(unit: str) -> str:
     """Return a unit as it is spelled at the end of parameter names.
 

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import platform
+import shlex
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heli3dof.recording.mcap_files.schema import FORMAT
 from heli3dof.rig.interface import Identity
+from heli3dof.rig.profile import default_profile
 
+if TYPE_CHECKING:
+    from heli3dof.recording.recording import Recording
+
+PROFILE_FILE = "profile_file"
+"""Key of `Recording.meta`: the file of ``--profile``, if the recording was loaded with it"""
 PACKAGES = ("heli3dof", "numpy", "scipy", "mcap")
 
 
@@ -63,6 +70,32 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
     """
     each = {"plan": plan if plan_draws else None, "device": device}
     return {"seed": next((s for s in each.values() if s is not None), plan), "seeds": each}
+
+
+def profile_file(recordings: Sequence[Recording]) -> str | None:
+    """Return the profile's file that a further flight of these recordings' rig needs.
+
+    It is a placeholder if the file is unknown, and None for the paper's rig, whose profile is the
+    default. Limits are not compared, because other versions have other default limits.
+    """
+    default = default_profile()
+    same_limits = {"limits": default.limits}
+    if all(r.profile.model_copy(update=same_limits) == default for r in recordings):
+        return None
+    files = {r.meta.get(PROFILE_FILE) for r in recordings}
+    file = files.pop() if len(files) == 1 else None
+    return str(file) if file else "PROFILE.toml"
+
+
+def run_command(plan: str, device: str | None, profile: str | None) -> str:
+    """Return the command that flies a ``plan`` on a rig; ``device`` is a URL, ``profile`` a file.
+
+    >>> run_command("rich", None, "lab 2.toml")
+    "heli3dof run rich --profile 'lab 2.toml'"
+    """
+    options = {"--device": device, "--profile": profile}
+    given = (f" {name} {shlex.quote(value)}" for name, value in options.items() if value)
+    return f"heli3dof run {plan}{''.join(given)}"
 
 
 @cache

@@ -6,11 +6,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from urllib.parse import parse_qsl
 
 from heli3dof.errors import UsageError, did_you_mean
+
+SEED = re.compile(r"(?<=[?&]seed=)\d+")
+"""The seed in an emulated rig's URL"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,3 +68,23 @@ def parse_url(text: str) -> DeviceUrl:
     for name, value in parse_qsl(query, keep_blank_values=True):
         options[name] = (*options.get(name, ()), value)
     return DeviceUrl(text, scheme, where.removeprefix("//"), options)
+
+
+def url_of_next_flight(urls: Collection[str]) -> str | None:
+    """Return the URL for a further flight of the rig that was flown with these ``urls``.
+
+    With a used seed, an emulated rig would repeat the samples; so its URL gets the largest seed
+    plus one. A URL with ``spread=`` stays the same, because its seed also draws the rig's
+    parameters. Returns None if there is no URL, or if the URLs name different rigs.
+
+    >>> url_of_next_flight(["mock:?seed=3&speed=max", "mock:?seed=5&speed=max"])
+    'mock:?seed=6&speed=max'
+    >>> url_of_next_flight(["serial:///dev/ttyACM0"])
+    'serial:///dev/ttyACM0'
+    >>> url_of_next_flight(["mock:?seed=3&spread=0.1"])
+    'mock:?seed=3&spread=0.1'
+    """
+    seeds = [int(seed) for url in urls for seed in SEED.findall(url)]
+    following = str(max(seeds, default=0) + 1)
+    rigs = {url if "spread=" in url else SEED.sub(following, url) for url in urls}
+    return rigs.pop() if len(rigs) == 1 else None

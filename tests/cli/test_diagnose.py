@@ -10,10 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from heli3dof.cli.diagnose import rig_to_fly
+from heli3dof.cli.inputs import load_all
+from heli3dof.cli.output import Output
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.paper.models import load_model
+from heli3dof.recording.logs.export import export
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
@@ -87,7 +91,34 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE after refitting"):
         assert words in result.err
     assert "Screening against 8 null simulations …\n" in result.err
+    assert "Candidate: stiffness.cable.yaw.\n" in result.err
+    assert result.err.count("Measuring the gain on held-out data …\n") == 1
     assert "nulls … " not in result.err  # how far it has come is for terminals
+
+
+def test_the_next_flight_of_an_emulated_rig_has_another_seed() -> None:
+    def flown_on(*urls: str) -> dict[str, str]:
+        return rig_to_fly([replace(r, meta={"device": url}) for url in urls])
+
+    r = flown("steps", 3.0, device="mock:?speed=max")
+    assert flown_on("mock:?speed=max&seed=13") == {"device": "mock:?speed=max&seed=14"}
+    assert flown_on("mock:?seed=13", "mock:?seed=15") == {"device": "mock:?seed=16"}
+    assert flown_on("mock:?seed=13", "mock:?seed=15&start=level") == {}
+    assert flown_on("serial:///dev/ttyACM0") == {"device": "serial:///dev/ttyACM0"}
+    assert rig_to_fly([replace(r, meta={})]) == {}
+
+
+def test_the_next_flight_has_the_profile_of_the_recordings(tmp_path: Path) -> None:
+    r = flown("steps", 3.0, device="mock:?speed=max")
+    landing = r.profile.limits.model_copy(update={"landing_s": 0.5})
+    older = replace(r, profile=r.profile.model_copy(update={"limits": landing}), meta={})
+    assert rig_to_fly([older]) == {}
+    other = replace(r, profile=r.profile.model_copy(update={"name": "lab"}), meta={})
+    assert rig_to_fly([other]) == {"profile": "PROFILE.toml"}
+    log, file = export(other, tmp_path / "log.csv"), tmp_path / "lab.toml"
+    file.write_text(RIG.read_text("utf-8").replace("table-1", "lab"), "utf-8")
+    (loaded,) = load_all(Output(quiet=True), [log], file)
+    assert rig_to_fly([loaded]) == {"profile": str(file)}
 
 
 def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(

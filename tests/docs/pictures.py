@@ -29,7 +29,7 @@ SESSION = (
     "-o step.mcap --quiet",
     "heli3dof compare step.mcap hover model.json",
 )
-HIDDEN_LINES = ("…", "Found ", "The gain was", "To measure", "Model:", "Figures:", "For ", "·")
+HIDDEN_LINES = ("…", "Candidate: ", "The gain was", "To measure", "Model:", "Figures:", "For ", "·")
 """Beginnings and ends of lines that the picture of the terminal omits: progress, paths"""
 COLUMNS = 110
 L_A, L_W, L_H, HEIGHT = 1.0, 0.7, 0.32, 0.75

@@ -247,3 +247,8 @@ def test_held_out_data_that_hardly_move_do_not_test_a_model(found: Identificatio
     still = replace(found.prepared, recordings=recordings)
     (warning,) = poor_prediction_warnings(scores, still)
     assert warning.startswith("The held-out data hardly move (roll 0.0")
+    assert warning.endswith("heli3dof run multisine")
+    lab = found.prepared.recordings[0].profile.model_copy(update={"name": "lab"})
+    of_lab = tuple(replace(r, profile=lab) for r in recordings)
+    (warning,) = poor_prediction_warnings(scores, replace(still, recordings=of_lab))
+    assert warning.endswith("heli3dof run multisine --profile PROFILE.toml")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.integrity import Kind
+from heli3dof.integrity import Kind, integrity
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.recording import Recording
 from tests.integrity.flights import flight, names, only, with_time
@@ -77,6 +77,19 @@ def test_rows_without_numbers_are_lost_samples() -> None:
     fault = only(replace(r, angle=angle))
     assert fault.effect == "timing.gaps"
     assert fault.parameters["lost_share"][0] == pytest.approx(0.02, rel=0.05)
+
+
+def test_a_hole_is_a_note_and_no_share_of_lost_samples() -> None:
+    r = flight()
+    cut = r.rows((r.t < 20.0) | (r.t >= 36.0))
+    (note,) = integrity(cut)
+    assert (note.check, note.kind, note.effect) == ("timing.hole", Kind.NOTE, None)
+    assert "no samples from 20.0 to 36.0 s" in note.sentence
+    lossy = cut.rows(np.arange(len(cut)) % 50 != 25)
+    fault = only(lossy)
+    assert fault.effect == "timing.gaps"
+    assert fault.parameters["lost_share"][0] == pytest.approx(0.02, rel=0.01)
+    assert "the longest 2 ms" in fault.sentence
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.9, 1.1, 2.0])

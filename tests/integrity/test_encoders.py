@@ -10,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.axes import AXES
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.integrity import Kind, integrity
 from heli3dof.integrity.response import with_step
 from heli3dof.integrity.scale import misfit
@@ -181,8 +183,7 @@ def test_a_jump_after_a_standstill_is_attributed_to_a_frozen_encoder(
 def test_a_gap_of_two_seconds_is_not_a_jump() -> None:
     r = flight("rich")
     (fault,) = integrity(r.rows((r.t < 30.0) | (r.t >= 32.0)))
-    assert fault.check == "timing.gaps"
-    assert fault.parameters["lost_share"][0] == pytest.approx(2.0 / r.duration, rel=0.01)
+    assert fault.check == "timing.hole"
 
 
 @pytest.mark.parametrize("plan", ["rich", "steps", "run-step"])
@@ -234,6 +235,18 @@ def test_a_safety_stop_is_noted_with_its_reason() -> None:
     (note,) = integrity(replace(r, meta=meta))
     assert (note.check, note.kind) == ("flight.tripped", Kind.NOTE)
     assert "pitch reached 61°" in note.sentence
+    assert "encoder's sign" in note.cause
+    assert "heli3dof monitor" in note.fix
+
+
+def test_an_emergency_stop_is_noted_with_the_cause_that_the_flight_recorded() -> None:
+    device = "mock:?speed=max&fault=button@4"
+    r = fly_plan(step_plan((5.0, None, None)), device=device).recording
+    (note,) = (f for f in integrity(r) if f.check == "flight.tripped")
+    assert "BUTTON" in note.sentence
+    assert "monitor" not in note.sentence + note.fix
+    assert note.cause == "somebody pressed the rig's button."
+    assert "find out who stopped it and why" in note.fix
 
 
 def test_a_wrong_yaw_count_that_pitch_may_explain_names_both_axes() -> None:

@@ -30,3 +30,13 @@ def test_every_command_in_the_advice_exists() -> None:
     named = {v for text in advice() for v in re.findall(r"heli3dof ([a-z][a-z-]*)", text)}
     assert "run-step" in named
     assert named <= verbs
+
+
+def test_no_advice_is_to_do_nothing() -> None:
+    assert not any("nothing to do" in text for text in advice())
+
+
+def test_no_advice_starts_a_flight_while_hands_are_on_the_rig() -> None:
+    by_hand = [text for text in advice() if "by hand" in text]
+    assert by_hand
+    assert not any("heli3dof run" in text for text in by_hand)

@@ -182,6 +182,7 @@ def diagnose_without_likelihood(
         "why": (QUICK if quick else WHY).format(why),
         "gain_measured_on": against,
         "adopted": not poor,
+        **({"causes_untested": True} if quick else {}),
         "not_fitted": [r.name for r in partial],
         "over_3_s": {"before": before.window_rmse_deg(), "after": after.window_rmse_deg()},
         "without": {name: less.window_rmse_deg() for name, (less, _) in pairs.items()},
@@ -257,6 +258,4 @@ def _profile_error(recordings: Sequence[Recording], simpler: tuple[str, ...]) ->
         for r in recordings
     ]
     rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
-    return SimulationError(
-        tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ()
-    )
+    return SimulationError(tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "", ())

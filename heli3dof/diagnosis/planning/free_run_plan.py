@@ -184,16 +184,16 @@ def coupling(p: MultiStep) -> np.ndarray:
 
 
 def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) -> str:
-    probabilities = (percent(probability_significant(math.sqrt(m))) for m in best.margins)
     each = ", ".join(
-        f"{w.name} ({w.size:.2g} {w.unit}, probability {p})"
-        for w, p in zip(parameters, probabilities, strict=True)
+        f"{w.name} with a probability of {percent(probability_significant(math.sqrt(m)))} "
+        f"(if its size is {f'{w.size:.2g} {w.unit}'.removesuffix(' –')})"
+        for w, m in zip(parameters, best.margins, strict=True)
     )
     text = "these causes are confounded; " if tied else ""
     text += (
         f"in simulation with the fitted model and the default controller, {best.duration_s:.0f} s "
-        f"of this plan identify {each}"
+        f"of this plan find {each}"
     )
     if best.certainty < MIN_CERTAINTY:
-        return f"{text}: more per second than any other plan, but hardly enough; repeat it"
+        return f"{text}. No other plan finds more per second, but one flight is hardly enough"
     return text

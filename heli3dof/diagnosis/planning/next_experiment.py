@@ -165,10 +165,15 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
             f"({percent(best.certainty)} probability of a decision)"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
-    text = f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f}"
     if best.certainty < MIN_CERTAINTY:
-        return f"{text}, more than any other plan; {_flights_needed(best.margin)}"
-    return f"{text} ({percent(best.certainty)} probability of a decision)"
+        return (
+            f"no plan separates {what} well. In simulation, {seconds} of this plan do so by a "
+            f"margin of {best.margin:.0f}, more than any other plan. {_flights_needed(best.margin)}"
+        )
+    return (
+        f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f} "
+        f"({percent(best.certainty)} probability of a decision)"
+    )
 
 
 def _flights_needed(margin: float) -> str:
@@ -179,15 +184,15 @@ def _flights_needed(margin: float) -> str:
     those of several flights add.
 
     >>> _flights_needed(2.0)
-    '3 such flights decide with a probability of 50 %'
+    '3 such flights decide with a probability of 50 %. Or measure one effect by hand'
     >>> _flights_needed(0.1)
-    'not even 20 such flights decide with a probability of 50 %; measure one effect by hand'
+    'Not even 20 such flights decide with a probability of 50 %: measure one effect by hand'
     """
     decide = f"such flights decide with a probability of {percent(MIN_CERTAINTY)}"
     for flights in range(2, MOST_FLIGHTS + 1):
         if _probability_decided(flights * margin) >= MIN_CERTAINTY:
-            return f"{flights} {decide}"
-    return f"not even {MOST_FLIGHTS} {decide}; measure one effect by hand"
+            return f"{flights} {decide}. Or measure one effect by hand"
+    return f"Not even {MOST_FLIGHTS} {decide}: measure one effect by hand"
 
 
 def _probability_decided(margin: float) -> float:

@@ -57,7 +57,7 @@ class SimulationError:
     floor_deg: np.ndarray
     """(H, 3)"""
     floor_by: str
-    """Method that computed the noise floor"""
+    """Method that computed the noise floor; empty if the floor is unknown"""
     worst: tuple[WorstInterval, ...]
     """One per measured axis"""
 

@@ -21,6 +21,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.parameter_units import torque_per
 from heli3dof.model.physics.compiled_effects import Hook
 from heli3dof.model.physics.state_layout import (
     AXIS,
@@ -109,7 +110,7 @@ def empirical_effect(name: str) -> Effect | None:
     else:
         size = math.prod(QUANTITIES[n][2] for n in used)
         c = Parameter(
-            "coefficient", f"N·m/({unit})" if unit else "N·m", 0.0, -LARGEST_NM / size,
+            "coefficient", torque_per(unit), 0.0, -LARGEST_NM / size,
             LARGEST_NM / size, TYPICAL_NM / size, "c",
         )  # fmt: skip
         parameters, hook = (c,), _product(first, second)

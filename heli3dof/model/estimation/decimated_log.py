@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.recording.gap_filling import GAP
+from heli3dof.recording.gap_filling import GAP, HOLE_S
 from heli3dof.recording.recording import Recording
 
 NEAR = 0.02
@@ -47,14 +47,20 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
     """Return the log with a row per control period, and its N rows' indices (N,) in the result.
 
+    If the log is not decimated, rows are added only in holes of `HOLE_S` or more, where the loop
+    went on without being logged. In shorter gaps the rig held its voltage.
+
     In added rows, the times and the voltages added to the controller's (``voltage_extra``) are
     interpolated. All other values are those of the row before. The caller can replace the angles
     and voltages, which are unknown there, by a simulation.
     """
     own = np.arange(len(recording))
+    step = np.diff(recording.t)
+    n = np.maximum(np.round(step / recording.profile.dt).astype(int), 1)
     if decimation(recording) == 1:
+        n[step < HOLE_S] = 1
+    if (n == 1).all():
         return recording, own
-    n = np.maximum(np.round(np.diff(recording.t) / recording.profile.dt).astype(int), 1)
     at = np.append(0, np.cumsum(n))
     rows = np.arange(at[-1] + 1)
     whole = recording.rows(np.repeat(own, np.append(n, 1)))

@@ -36,6 +36,7 @@ from heli3dof.diagnosis.unmodelled.residual_torque import (
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import WINDOW_S, ResidualTorque
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Effect, Term
+from heli3dof.model.parameter_units import torque_per
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.state_layout import Stage
 
@@ -138,7 +139,8 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
     z = _in_unit(flight.variable(residual.depends_on), unit)[rows]
     knots, torque = np.array(residual.table).T
     slope = float(np.polyfit(_in_unit(knots, unit), torque, 1)[0])
-    name = f"Unmodelled {residual.axis} torque, slope {slope:.3g} N·m/({unit}),".replace("-", "−")
+    name = f"Unmodelled {residual.axis} torque, slope {slope:.3g} {torque_per(unit)},"
+    name = name.replace("-", "−")
     return TorqueCurve(
         name, residual.axis, residual.depends_on, unit,
         *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS),

@@ -108,10 +108,8 @@ def error_table(w: SimulationError) -> Grid:
         [f"{h:g}", *(fixed(float(x[k, i]), 3) for i in range(3) for x in (w.rmse_deg, w.floor_deg))]
         for k, h in enumerate(w.horizons_s)
     ]
-    notes = [
-        f"Predictions start from states re-estimated every 50 ms. Floor: RMSE that noise alone "
-        f"causes, by {w.floor_by}."
-    ]
+    floor = f"RMSE that noise alone causes, by {w.floor_by}" if w.floor_by else "unknown"
+    notes = [f"Predictions start from states re-estimated every 50 ms. Floor: {floor}."]
     notes += [
         f"Worst stretch of {s.axis}: {s.start_s:.1f} to {s.stop_s:.1f} s of {s.recording}, "
         f"RMSE {fixed(s.rmse_deg, 2, '°')} over 1 s."

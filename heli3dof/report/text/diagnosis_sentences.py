@@ -15,7 +15,9 @@ from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, quoted
+from heli3dof.identification.profile_update import ratio_unit
 from heli3dof.model.effects import term
+from heli3dof.recording.provenance import run_command
 from heli3dof.report.text.number_format import NONE, fixed, significant
 
 Document = Mapping[str, Any]
@@ -109,9 +111,15 @@ def refit_explains(document: Document) -> bool:
     The refit must remove most of the axis' mean square error, and the decrease must be significant
     (`heli3dof.diagnosis.validation.gain.removes_most`). With the verdict ``off_calibration`` the
     result is True without this test.
+
+    The refit contains no causes, so its parameters may only compensate for one. If causes were
+    adopted, a ratio of parameters must therefore differ from the profile with the causes in the
+    model (`changed_ratios`).
     """
     if document["verdict"] == "off_calibration":
         return True
+    if adopted(document) and not changed_ratios(document):
+        return False
     gain = document.get("calibration_gain", {})
     error = gain.get("holdout_rmse_deg")
     return any(
@@ -121,6 +129,12 @@ def refit_explains(document: Document) -> bool:
         )
         for axis, won in gain.get("rmse_reduction_deg", {}).items()
     )
+
+
+def changed_ratios(document: Document) -> list[Document]:
+    """Return the ratios of parameters that differ by more than two std from the profile's."""
+    ratios = document.get("ratios", ())
+    return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
 
 def calibration_change(document: Document) -> Iterator[str]:
@@ -137,9 +151,8 @@ def calibration_change(document: Document) -> Iterator[str]:
     yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
-        f"(profile: {significant(r['nominal'], r['std'])})"
-        for r in document["ratios"]
-        if abs(r["value"] - r["nominal"]) > 2 * r["std"]
+        f"{ratio_unit(r['ratio'])} (profile: {significant(r['nominal'], r['std'])})"
+        for r in changed_ratios(document)
     ]
     if off:
         yield f"Well determined, and not as in the profile: {', '.join(off)}."
@@ -170,7 +183,7 @@ def calibration_doubts(document: Document) -> Iterator[str]:
         yield (
             f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
             "rig (docs/reference/profile.md), or diagnose these recordings together with a larger "
-            "flight (heli3dof run large)."
+            f"flight ({_fly(document, 'large')})."
         )
 
 
@@ -229,8 +242,12 @@ def causes(document: Document) -> Iterator[str]:
         text = f"{name}: {what}" if what else f"{name}."
         confidence = f["confidence"]
         if f["tied_with"]:
-            text += f" An effect is present (confidence {percent(confidence)}), confounded with "
+            sure = f"confidence {percent(confidence)}"
+            sure = "not tested: --quick" if untested(document, f) else sure
+            text += f" An effect is present ({sure}), confounded with "
             text += _confounded(name, [str(x) for x in f["tied_with"]])
+        elif untested(document, f):
+            text += " Not tested on left-out blocks: --quick."
         elif confidence is not None:
             text += f" Confidence: {percent(confidence)}."
         if f["gain"]["holdout_log_likelihood"] is not None and f["axis"] in unmodelled:
@@ -238,12 +255,17 @@ def causes(document: Document) -> Iterator[str]:
                 f" An unmodelled effect also acts on {f['axis']} and may account for part of "
                 f"this: read it as {name}-like."
             )
-        elif f.get("like"):
+        elif f.get("like") and not untested(document, f):
             text += (
                 f" Read it as {name}-like: its size is uncertain, it may compensate for another "
                 "cause's model error, or held-out data do not confirm it."
             )
         yield text
+
+
+def untested(document: Document, finding: Document) -> bool:
+    """Return True if a finding is unconfirmed only because quick mode left the test out."""
+    return bool(finding.get("like") and document.get("about", {}).get("causes_untested"))
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
@@ -317,8 +339,11 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
             text += f" (or on {also}: this flight hardly separates them)"
         if rest.get("like"):
             text += f"; it is {rest['like']} (not confirmed)"
-        yield f"{text}."
-        yield _torque_term(rest, measured_on(document))
+        if rest.get("term"):
+            yield f"{text}."
+            yield _torque_term(rest, measured_on(document))
+        else:
+            yield f"{text}. The extended model does not contain it."
     if remaining := [x for x in document["leftover"] if x.get("error_deg")]:
         yield _remaining(document, remaining)
 
@@ -360,8 +385,6 @@ def _torque_term(rest: Document, where: str) -> str:
     ``rest``: the torque's object in the JSON document. The RMSE is given without and with the term;
     ``where`` names the data on which it was measured.
     """
-    if not rest.get("term"):
-        return "The extended model does not contain this torque."
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
     if not rest["formula"]:
         return f"The extended model contains it as a curve; no formula fits as well. {gain}"
@@ -442,6 +465,12 @@ def _profile_update(document: Document) -> Iterator[str]:
         )
 
 
+def _fly(document: Document, plan: str) -> str:
+    """Return the command that flies a ``plan`` on the rig of the diagnosed recordings."""
+    about = document.get("about", {})
+    return run_command(plan, about.get("device"), about.get("profile"))
+
+
 def next_steps(document: Document) -> Iterator[str]:
     """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
@@ -451,17 +480,13 @@ def next_steps(document: Document) -> Iterator[str]:
         yield from _profile_update(document)
     upcoming = document["next_experiment"]
     if upcoming is not None:
-        device = document.get("about", {}).get("device")
-        where = f" --device {quoted(device)}" if device else ""
-        yield (
-            f"Next experiment: heli3dof run {upcoming['plan']}{where}. Reason: {upcoming['why']}."
-        )
+        yield f"Next experiment: {_fly(document, upcoming['plan'])}. Reason: {upcoming['why']}."
     elif reason := document.get("about", {}).get("no_next_experiment"):
         yield f"No next experiment is recommended: {reason}."
     elif document["verdict"] == "nothing_found":
         yield (
-            "A larger flight shows smaller effects: heli3dof run large, then diagnose it together "
-            "with these recordings."
+            f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
+            "together with these recordings."
         )
     nulls = str(document.get("about", {}).get("nulls", "simulated"))
     if not nulls.startswith("simulated"):

@@ -84,12 +84,15 @@ def causes(document: Document) -> Iterator[str]:
                 f"{parameter.replace('_', ' ')} {significant(value, std)} ± "
                 f"{significant(std, std)}{unit}"
             )
-        sure = "" if f["confidence"] is None else f" (confidence {percent(f['confidence'])})"
+        untested = words.untested(document, f)
+        known = f["confidence"] is not None and not untested
+        sure = f" (confidence {percent(f['confidence'])})" if known else ""
         others = [str(x) for x in f["tied_with"]]
         confounded = (
             f"; or {listed(others, 'or')}, indistinguishable in these recordings" if others else ""
         )
         like = "; likely, not confirmed" if f.get("like") else ""
+        like = "; not tested (--quick)" if untested else like
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
 
 

@@ -16,7 +16,7 @@ from heli3dof.diagnosis.planning.free_run_plan import (
     next_free_flight,
     open_parameters,
 )
-from heli3dof.diagnosis.result import NextExperiment, UndecidedTerms
+from heli3dof.diagnosis.result import NextExperiment, PlanForecast, UndecidedTerms
 from heli3dof.identification.greybox.freeflight import model_of, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -69,6 +69,18 @@ def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(
     assert result is not None
     assert result.separates == ("friction.viscous.yaw", "motor.lag")
     assert "these causes are confounded" in result.why
+
+
+def test_the_reason_gives_each_size_with_the_probability_to_find_it() -> None:
+    parameters = [
+        OpenParameter("stiffness.pendulum.roll", 0, 2.5, 0.1, 1.0, "N·m"),
+        OpenParameter("aero.ground_effect", 1, 0.28, 0.1, 1.0, "–"),
+    ]
+    best = PlanForecast("doublets", 40.0, (25.0, 1.0), 0.58)
+    assert module._why(best, parameters, tied=False).endswith(
+        "40 s of this plan find stiffness.pendulum.roll with a probability of > 99 % (if its size "
+        "is 2.5 N·m), aero.ground_effect with a probability of 17 % (if its size is 0.28)"
+    )
 
 
 def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:

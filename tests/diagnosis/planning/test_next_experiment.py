@@ -13,7 +13,7 @@ import pytest
 
 from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
-from heli3dof.diagnosis.result import Diagnosis, Dropped, NextExperiment
+from heli3dof.diagnosis.result import Diagnosis, Dropped, NextExperiment, PlanForecast
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice
@@ -114,6 +114,16 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     assert typical == typical_cause("motor.lag")
     assert invisible == typical_cause("friction.viscous.yaw")
     assert all(len(causes) == 1 for causes in requested)
+
+
+def test_a_plan_that_hardly_decides_is_introduced_by_that() -> None:
+    best = PlanForecast("rich", 60.0, (1.0, 2.0), 0.2)
+    assert module._why(best, ["motor.lag", "motor.delay"]).startswith(
+        "no plan separates motor.lag and motor.delay well. In simulation, 60 s of this plan do so "
+        "by a margin of 1, more than any other plan. 6 such flights decide"
+    )
+    clear = PlanForecast("rich", 60.0, (40.0, 50.0), 0.99)
+    assert "no plan" not in module._why(clear, ["motor.lag", "motor.delay"])
 
 
 def test_an_error_is_raised_if_no_plan_can_be_flown(base: Estimate) -> None:

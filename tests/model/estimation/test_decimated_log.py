@@ -43,6 +43,13 @@ def test_a_log_at_the_loop_s_rate_or_at_one_that_is_no_part_of_it_is_left_as_it_
     assert with_loop_rows(whole)[0] is whole
 
 
+def test_a_hole_has_a_row_for_every_period_and_a_short_gap_has_none() -> None:
+    t = 0.002 * np.array([0, 1, 2, 12, 13, 613, 614])  # 20 ms, then 1.2 s
+    whole, at = with_loop_rows(log(t, np.arange(7.0)))
+    assert at.tolist() == [0, 1, 2, 3, 4, 604, 605]
+    assert np.diff(whole.t)[at[4] :] == pytest.approx(0.002)
+
+
 def test_what_is_filled_in_has_a_row_for_every_period_and_the_log_s_own_among_them() -> None:
     thin = log(0.01 * np.array([0, 1, 2, 4]), np.array([0.0, 10.0, 20.0, 40.0]))
     whole, at = with_loop_rows(thin)

@@ -9,9 +9,14 @@ from typing import Any
 
 import pytest
 
-from heli3dof.report.text import diagnosis_sentences
+from heli3dof.report.text import diagnosis_sentences, diagnosis_summary
 from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
-from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
+from heli3dof.report.text.diagnosis_sentences import (
+    VERDICTS,
+    causes,
+    slow_noise,
+    unmodelled_effects,
+)
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 from heli3dof.report.text.table import Grid
 from tests.pages.markdown_table import to_markdown
@@ -133,19 +138,26 @@ def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
     assert "study its figure" not in text  # it has none
 
 
-@pytest.mark.parametrize(("after", "low", "stated"), [(0.22, 3.5, True), (3.5, 0.3, False)])
+@pytest.mark.parametrize(
+    ("after", "low", "V_o_std", "stated"),
+    [(0.22, 3.5, 0.005, True), (3.5, 0.3, 0.005, False), (0.22, 3.5, 0.5, False)],
+)
 def test_a_refit_that_explains_most_of_an_error_is_stated_beside_the_causes(
-    after: float, low: float, stated: bool
+    after: float, low: float, V_o_std: float, stated: bool
 ) -> None:
-    """Refitting lowers roll from 4.13° to 0.22°: the causes alone do not explain the error."""
+    """Refitting lowers roll from 4.13° to 0.22°: the causes alone do not explain the error.
+
+    They do if the calibration does not differ from the profile with the causes in the model.
+    """
     won = {"roll": {"value": 4.13 - after, "interval": [low, 4.0]}, "pitch": None}
     error = {"before": {"roll": 4.13, "pitch": None}, "after": {"roll": after, "pitch": None}}
     gain = {"holdout_rmse_deg": error, "rmse_reduction_deg": won}
-    ratios = [{"ratio": "V_o", "nominal": 7.456, "value": 8.222, "std": 0.005}]
+    ratios = [{"ratio": "V_o", "nominal": 7.456, "value": 8.222, "std": V_o_std}]
     text = text_of(changed(verdict="explained", calibration_gain=gain, ratios=ratios))
     assert ("and refitted parameters explain" in text) is stated
     assert ("changes: roll 4.13° → 0.22°." in text) is stated
-    assert ("V_o = 8.2220 ± 0.0050 (profile: 7.4560)" in text) is stated
+    assert ("profile update" in text) is stated
+    assert ("V_o = 8.2220 ± 0.0050 V (profile: 7.4560)" in text) is stated
 
 
 def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
@@ -213,6 +225,12 @@ def test_the_next_experiment_is_flown_on_the_same_device() -> None:
     assert "--device" not in text_of(changed(about={}))
 
 
+def test_the_next_experiment_is_flown_with_the_same_profile() -> None:
+    text = text_of(changed(about={"profile": "lab.toml"}))
+    assert "heli3dof run coast-down --profile lab.toml. Reason:" in text
+    assert "--profile" not in text_of(changed(about={}))
+
+
 def test_the_reason_for_no_next_experiment_is_reported() -> None:
     text = text_of(changed(next_experiment=None, about={"no_next_experiment": "nothing is open"}))
     assert "No next experiment is recommended: nothing is open." in text
@@ -257,6 +275,25 @@ def test_a_cause_that_held_out_data_do_not_confirm_is_only_similar() -> None:
     assert "yaw-like" not in text_of(alone)
     alone["findings"][0]["like"] = True
     assert "Read it as friction.coulomb.yaw-like" in text_of(alone)
+
+
+def test_a_cause_that_quick_mode_did_not_test_is_reported_as_that() -> None:
+    quick = changed(leftover=[], about={"causes_untested": True})
+    quick["findings"][0].update(like=True, confidence=0.5, tied_with=[])
+    (text, *_) = causes(quick)
+    assert text.endswith("Not tested on left-out blocks: --quick.")
+    assert "50 %" not in text
+    (line, *_) = diagnosis_summary.causes(quick)
+    assert line.endswith("; not tested (--quick).")
+    assert "50 %" not in line
+
+
+def test_each_torque_that_the_model_lacks_is_stated_in_one_sentence() -> None:
+    rest = {**changed()["leftover"][0], "term": None, "also": []}
+    document = changed(leftover=[rest, {**rest, "axis": "pitch"}])
+    sentences = list(unmodelled_effects(document))
+    assert len(sentences) == len(set(sentences)) == 2
+    assert all(s.endswith(". The extended model does not contain it.") for s in sentences)
 
 
 def test_slow_noise_is_stated_in_one_sentence() -> None:
