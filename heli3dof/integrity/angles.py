@@ -1,6 +1,8 @@
 """Check that angles are in radians and on the grid of the profile's encoder.
 
-The grid has steps of 2π/N rad, with N counts per revolution.
+The grid has steps of 2π/N rad, with N counts per revolution. A log on another encoder's grid is
+bad data: the controller and the noise model of a diagnosis use the profile's steps. An angle on no
+grid may be filtered or simulated, which is a note.
 """
 
 from __future__ import annotations
@@ -18,14 +20,22 @@ from heli3dof.recording.logs import angle_units
 
 
 def angles(view: View) -> Iterable[Fault]:
-    """Yield each axis' faults: a wrong unit, or if the unit is right, a wrong encoder grid."""
+    """Yield each axis' fault of a wrong unit."""
+    for i in _judged(view):
+        yield from unit(view, i)
+
+
+def grids(view: View) -> Iterable[Fault]:
+    """Yield each axis' fault of a wrong encoder grid."""
+    for i in _judged(view):
+        yield from grid(view, i)
+
+
+def _judged(view: View) -> list[int]:
+    """Return the measured axes without jumps, which look like motion that no voltage explains."""
     if view.finite_rows.sum() < 20:
-        return
-    for i in view.measured:
-        if 0 < len(deviations(view, i)[1]) <= FEW:
-            continue  # jumps look like motion that no voltage explains, in any unit
-        found = [*unit(view, i)]
-        yield from found or grid(view, i)
+        return []
+    return [i for i in view.measured if not 0 < len(deviations(view, i)[1]) <= FEW]
 
 
 def unit(view: View, i: int) -> Iterable[Fault]:
@@ -56,10 +66,11 @@ def unit(view: View, i: int) -> Iterable[Fault]:
 
 
 def grid(view: View, i: int) -> Iterable[Fault]:
-    """Yield a note if angle number i is on no encoder grid, or not on the profile's."""
+    """Yield a note if angle number i is on no grid, and bad data if it is on another encoder's."""
     r, axis = view.recording, AXES[i]
     q = r.angle[view.finite_rows, i]
-    counts = abs(int(getattr(r.profile.encoder, axis)))
+    in_profile = int(getattr(r.profile.encoder, axis))
+    counts = abs(in_profile)
     fitted = counts if np.ptp(q) == 0 else angle_units.counts_seen(q, "rad", counts)
     if fitted is None:
         yield Fault(
@@ -70,15 +81,16 @@ def grid(view: View, i: int) -> Iterable[Fault]:
         )  # fmt: skip
     elif fitted != counts:
         yield Fault(
-            "encoder.grid", Kind.NOTE, r.name,
+            "encoder.grid", Kind.BAD_DATA, r.name,
             f"{r.name}: {axis} lies on a grid of {fitted:.6g} counts per revolution; the profile "
             f"has {counts}.",
             "another encoder, or edges counted once or twice instead of four times.",
-            f"set encoder.{axis} = {fitted:.6g} in the profile if the angles are right",
-            axis=axis,
+            f"set encoder.{axis} = {np.copysign(fitted, in_profile):.6g} in the profile if the "
+            "angles are right", axis=axis, confidence=0.99,
         )  # fmt: skip
 
 
 CHECKS = (
-    Check("angles", Stage.VALUES, "degrees, radians, counts; another encoder's grid", angles),
+    Check("angles", Stage.VALUES, "degrees, radians, counts", angles),
+    Check("encoder.grid", Stage.MOTION, "another encoder's grid", grids),
 )

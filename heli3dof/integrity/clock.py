@@ -29,6 +29,8 @@ constants below."""
 DEVICE_OFF = 0.005
 REPEATED = 0.02
 """Largest share of repeated rows"""
+SAMPLE_NUMBERS = ("device_time_s", "sequence")
+"""Channels that differ from sample to sample"""
 NEAR = 51
 """Rows of a window: `repeated` tests a row if the voltage changes in over a tenth of its window."""
 
@@ -126,13 +128,15 @@ def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if over `REPEATED` of the tested rows repeat the row before.
 
     A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
-    the `NEAR` rows around. A repeated row has the angles, motor voltages and excitation voltages of
-    the row before. Angles and motor voltages alone may stay constant for a few rows at rest.
+    the `NEAR` rows around. A repeated row has the angles and voltages of the row before: those at
+    the motors, those of the controller and of the experiment. It also has the row's device time and
+    sequence number. Without the latter, rows at rest may be equal if a command came late.
     """
     r = view.recording
     if len(r) < 2 * NEAR:
         return
-    flown = np.hstack([r.voltage, r.angle, r.voltage_extra])
+    own = [r.channels[name] for name in SAMPLE_NUMBERS if name in r.channels]
+    flown = np.column_stack([r.voltage, r.angle, r.voltage_extra, r.voltage_cmd, *own])
     same = ((np.diff(flown, axis=0) == 0) | np.isnan(flown[1:])).all(axis=1)
     same &= np.isfinite(r.voltage[1:]).all(axis=1)
     usable = ~view.clipped[1:] & (np.abs(r.voltage[1:]) > 1e-9).any(axis=1)

@@ -10,16 +10,22 @@ class Trip(str):
     """A string: what the safety monitor observed. ``cause``: the likely cause; ``fix``: what to do.
 
     ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
-    trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`).
+    trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`). ``still_s``: the
+    last seconds before the trip in which an encoder's count did not change in flight. Only the
+    motion before them is evidence.
     """
 
     cause: str
     fix: str
     by_motion: bool
+    still_s: float
 
-    def __new__(cls, what: str, cause: str = "", fix: str = "", *, by_motion: bool = False) -> Trip:
+    def __new__(
+        cls, what: str, cause: str = "", fix: str = "", *, by_motion: bool = False,
+        still_s: float = 0.0,
+    ) -> Trip:  # fmt: skip
         trip = super().__new__(cls, what)
-        trip.cause, trip.fix, trip.by_motion = cause, fix, by_motion
+        trip.cause, trip.fix, trip.by_motion, trip.still_s = cause, fix, by_motion, still_s
         return trip
 
     @staticmethod
@@ -33,4 +39,7 @@ class Trip(str):
             return None
         explained = next((r for r in given if isinstance(r, Trip) and r.cause), Trip(""))
         by_motion = any(getattr(r, "by_motion", False) for r in given)
-        return Trip("; ".join(given), explained.cause, explained.fix, by_motion=by_motion)
+        still_s = max(getattr(r, "still_s", 0.0) for r in given)
+        return Trip(
+            "; ".join(given), explained.cause, explained.fix, by_motion=by_motion, still_s=still_s
+        )

@@ -140,6 +140,20 @@ def test_a_constant_voltage_with_axes_at_rest_is_not_a_repeated_row() -> None:
     assert "clock.repeated" in names(with_time(r.rows(twice), r.t), Kind.BAD_DATA)
 
 
+@pytest.mark.parametrize("own", ["device_time_s", "sequence", "voltage_cmd"])
+def test_new_samples_under_a_late_command_are_not_repeated_rows(own: str) -> None:
+    """The device holds a voltage while the next command is late, and no axis turns by a count."""
+    r = flight()
+    late = np.arange(len(r)) % 4 == 3
+    before = np.where(late, np.arange(len(r)) - 1, np.arange(len(r)))
+    channels = {own: r.channels[own]} if own in r.channels else {}
+    cmd = r.voltage_cmd if own == "voltage_cmd" else r.voltage_cmd[before]
+    held = replace(r.rows(before), t=r.t, voltage_cmd=cmd, channels=channels)
+    assert "clock.repeated" not in names(held)
+    logged_twice = replace(r.rows(before), t=r.t)
+    assert "clock.repeated" in names(logged_twice, Kind.BAD_DATA)
+
+
 def test_a_device_clock_at_another_rate_is_detected() -> None:
     r = flight()
     channels = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}

@@ -122,7 +122,21 @@ def test_a_coarser_encoder_with_the_right_angle_is_not_a_wrong_scale() -> None:
     r = flight()
     coarse = 2 * np.pi / 1024
     faults = names(with_angle(r, 1, np.round(r.angle[:, 1] / coarse) * coarse))
-    assert faults == {"encoder.grid.pitch", "controller.voltage"}
+    assert faults == {"encoder.grid.pitch"}
+
+
+@pytest.mark.parametrize("plan", ["rich", "run-step"])
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("k", [0.25, 0.5, 2.0, 4.0])
+def test_wrong_counts_in_the_profile_are_bad_data(plan: str, axis: str, k: float) -> None:
+    """The angles of a log in degrees stay right; its grid shows the encoder's counts."""
+    r = flight(plan)
+    right = int(getattr(r.profile.encoder, axis))
+    encoder = r.profile.encoder.model_copy(update={axis: round(k * right)})
+    logged = replace(r, profile=r.profile.model_copy(update={"encoder": encoder}), channels={})
+    fault = only(logged)
+    assert (fault.check, fault.axis, fault.kind) == ("encoder.grid", axis, Kind.BAD_DATA)
+    assert fault.fix.startswith(f"set encoder.{axis} = {right} in the profile")
 
 
 @pytest.mark.parametrize(("factor", "word"), [(180 / np.pi, "degrees"), (np.pi / 180, "radians")])

@@ -10,8 +10,18 @@ import pytest
 from heli3dof.axes import MOTORS
 from heli3dof.integrity import Kind, integrity
 from heli3dof.recording.logs.corrections import corrected
+from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.recording import Recording
-from tests.integrity.flights import flight, names, only, with_voltage
+from tests.integrity.flights import flight, names, only, turned, with_voltage
+from tests.paths import needs_real_data
+from tests.recording.logs.test_raw_logs import (
+    RIG_B,
+    RIG_C,
+    converted,
+    file_of_rig_b,
+    files_of_rig_c,
+    rig,
+)
 
 PLANS = ("rich", "steps", "run-step")
 
@@ -55,6 +65,35 @@ def test_voltages_that_a_stronger_amplifier_applied_are_bad_data() -> None:
     fault = only(with_limit(r, limit))
     assert (fault.check, fault.kind) == ("voltage.limit", Kind.BAD_DATA)
     assert "motor.v_max" in fault.fix
+
+
+def raw(rig_name: str, pitch_sign: int) -> Recording:
+    """Return a raw log of a real rig, with the voltages before the card's limit of ±5 V."""
+    mapping, files = {"rig-b": (RIG_B, [file_of_rig_b()]), "rig-c": (RIG_C, files_of_rig_c())}[
+        rig_name
+    ]
+    asked = {f"v_{m}_V": mapping[f"v_{m}_cmd_V"] for m in MOTORS}
+    angles = {name: text for name, text in mapping.items() if name.endswith("_rad")}
+    r = import_log(files, rig(), mapping=asked | angles)
+    return r if pitch_sign > 0 else turned(1)(r)
+
+
+@needs_real_data
+@pytest.mark.real_data
+@pytest.mark.parametrize("rig_name", ["rig-b", "rig-c"])
+def test_real_logs_of_voltages_before_the_limiter_are_usable(rig_name: str) -> None:
+    r = raw(rig_name, 1)
+    assert "voltage.limit" in names(r, Kind.NOTE)
+    assert names(r, Kind.BAD_DATA) == set()
+    assert "encoder.sign.pitch" in names(raw(rig_name, -1), Kind.BAD_DATA)
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_real_commands_are_not_taken_for_voltages_at_the_motors() -> None:
+    for r in converted():
+        asked = replace(r, voltage=r.voltage_cmd, voltage_cmd=np.full_like(r.voltage, np.nan))
+        assert names(asked, Kind.BAD_DATA) == set(), r.name
 
 
 def test_a_gain_between_the_two_voltages_is_detected() -> None:

@@ -5,8 +5,9 @@ if more than the fraction ``late_max_share`` of the last second's samples is lat
 host missed or the line lost just before a late sample count as late samples, too.
 
 A busy host delays some commands, a slow link or device delays all of them. So the report names the
-link or the device as the cause if the 10 % quantile of the last second's command-to-echo latencies
-exceeds `SLOW_PERIODS` control periods.
+link or the device as the cause if the 10 % quantile of the last command-to-echo latencies exceeds
+`SLOW_PERIODS` control periods. It uses the last ``late_max_share`` · 1 s of latencies: a link that
+becomes slow in flight ends the flight after this time.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from heli3dof.rig.trip import Trip
 WINDOW_S = 1.0
 """s of flight over which late periods are counted"""
 QUICKEST = 0.1
-"""Quantile of the last second's command-to-echo latency by which the link is judged. A busy host is
-in time in a larger share of the periods; if not, the device's watchdog expires first"""
+"""Quantile of the command-to-echo latency by which the link is judged. A busy host is in time in a
+larger share of the periods; if not, the device's watchdog expires first"""
 SLOW_PERIODS = 1.5
 """Periods: half-way between a command echoed by the next sample (1) and by the one after (2)"""
 
@@ -39,7 +40,7 @@ class Lateness(SafetyMonitor):
         self._most = limits.late_max_share * len(self._ring)
         self._at = self._late = 0
         self._dt = profile.dt
-        self._echo_s = array("d", bytes(8 * len(self._ring)))
+        self._echo_s = array("d", bytes(8 * max(1, int(self._most))))
         self._echoes = 0
 
     def __call__(self, now: Period) -> str | None:

@@ -15,6 +15,10 @@ fault is reported only if its score exceeds that of a rig without fault by `SURE
 fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
 of `WINDOWS_S`, up to 1.6 s.
 
+If an encoder's count did not change in the air, the windows end at its last change. A
+frozen encoder shows a wrong angle from then on, but no wrong sign. A wrong sign and wrong leads
+also show in the motion before.
+
 One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
 have positive voltages, the roll encoder counts the wrong way.
 """
@@ -118,10 +122,10 @@ FAULTS = (
 HYPOTHESES = (NORMAL, *FAULTS)
 
 
-def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
+def wiring_fault(moments: Sequence[Moment], profile: Profile, still_s: float = 0.0) -> Fault | None:
     """Return the wiring fault that explains the motion before a trip; None if none clearly does.
 
-    ``moments``: the last control periods before the safety trip.
+    ``moments``: the last control periods before the safety trip. ``still_s``: `Trip.still_s`.
     """
     if len(moments) < SHORTEST:
         return None
@@ -130,6 +134,10 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     applied = np.array([m.applied for m in moments])
     if angle[-1, 0] < profile.encoder.rest_rad[0] - BELOW_TABLE and applied[-SHORTEST:].min() > 0:
         return FAULTS[0]
+    moved = t <= t[-1] - still_s
+    t, angle, applied = t[moved], angle[moved], applied[moved]
+    if len(t) < SHORTEST:
+        return None
     expected = ExpectedAcceleration(profile)
     unmodelled = UNKNOWN * np.array(expected.typical)
     accelerations = {
@@ -153,7 +161,7 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 
     ``moments``: the last control periods before the trip.
     """
-    fault = wiring_fault(moments, profile) if trip.by_motion else None
+    fault = wiring_fault(moments, profile, trip.still_s) if trip.by_motion else None
     if fault is None:
         return trip
     return Trip(

@@ -33,11 +33,12 @@ VERDICTS = {
 }
 WITH_REFIT = "The causes below and refitted parameters explain the simulation error."
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
+NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
 """Largest number of names that a sentence lists; it then gives the number of the others."""
 NOISE_EXCESS = 1.5
-"""Ratio of noise floor to simulation error, above which `limits` warns (a convention)."""
+"""Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
@@ -77,6 +78,8 @@ def verdict(document: Document) -> str:
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
+        elif noisy := noisy_axes(document):
+            meaning = NOISE_IS_LARGER.format(listed(noisy))
         if document.get("dropped"):
             meaning = UNCONFIRMED
         doubtful = [str(c["parameter"]) for c in not_significantly_off(document)]
@@ -89,6 +92,15 @@ def noise_is_unknown(document: Document) -> bool:
     """Return True if the simulation error was measured, but the noise floor is unknown."""
     known = [e for e in document["simulation_error"].values() if e["rmse_deg"] is not None]
     return bool(known) and all(e["noise_floor_deg"] is None for e in known)
+
+
+def noisy_axes(document: Document) -> list[str]:
+    """Return the axes whose noise floor is over `NOISE_EXCESS` times the simulation error."""
+    return [
+        axis
+        for axis, e in document["simulation_error"].items()
+        if number(e["noise_floor_deg"]) > NOISE_EXCESS * number(e["rmse_deg"])
+    ]
 
 
 def before_and_after(gain: Document) -> str:
@@ -220,11 +232,7 @@ def limits(document: Document) -> Iterator[str]:
             f"The simulation error was not measured: no stretch without a gap or a stop is long "
             f"enough to predict {seconds:g} s ahead."
         )
-    noisy = [
-        axis
-        for axis, e in error.items()
-        if number(e["noise_floor_deg"]) > NOISE_EXCESS * number(e["rmse_deg"])
-    ]
+    noisy = noisy_axes(document)
     if noisy:
         yield (
             f"On {listed(noisy)} the fitted noise is larger than the simulation error. Part of it "

@@ -49,6 +49,17 @@ def test_a_line_that_takes_25_ms_is_reported_as_slow() -> None:
     assert "latency timer" in report.fix
 
 
+def test_a_line_that_becomes_slow_in_flight_is_reported_as_slow() -> None:
+    monitor = Lateness(PROFILE)
+    assert all(monitor(period(k, echo_s=DT)) is None for k in range(1000))
+    assert monitor(period(1014, lateness=0.028, skipped=14, echo_s=0.03)) is None
+    rows = (period(k, lateness=0.028, echo_s=0.03) for k in range(1015, 2000))
+    report = next(filter(None, map(monitor, rows)))
+    assert "every command took 30.0 ms or more (15 periods) to be echoed" in report
+    assert isinstance(report, Trip)
+    assert "the line or the device is slow" in report.cause
+
+
 def test_a_busy_host_with_some_quick_periods_is_reported_as_busy() -> None:
     monitor = Lateness(PROFILE)
     rows = []

@@ -35,7 +35,20 @@ def test_a_wiring_fault_is_identified(fault: str, message: str) -> None:
     assert tripped(fault, 5).startswith(f"{message}: ")
 
 
-@pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
-def test_a_frozen_encoder_is_no_wiring_fault(axis: str) -> None:
-    detail = tripped(f"frozen.{axis}@8.6", 6)
+@pytest.mark.parametrize(
+    ("axis", "at_s", "seed"),
+    [("roll", 8.6, 6), ("pitch", 8.6, 6), ("yaw", 8.6, 6), ("yaw", 9.0, 1), ("roll", 6.0, 2)],
+)
+def test_a_frozen_encoder_is_no_wiring_fault(axis: str, at_s: float, seed: int) -> None:
+    detail = tripped(f"frozen.{axis}@{at_s}", seed)
+    assert detail.startswith(f"the {axis} encoder's count stood at")
+
+
+@pytest.mark.parametrize(("axis", "at_s"), [("yaw", 6), ("pitch", 6)])
+def test_an_encoder_that_freezes_in_a_yaw_step_did_not_count_the_wrong_way(
+    axis: str, at_s: int
+) -> None:
+    device = f"mock:?speed=max&seed=1&fault=frozen.{axis}@{at_s}"
+    plan = step_plan((None, None, 20.0), settle_s=5.0, duration_s=8.0)
+    detail = fly_plan(plan, device=device).outcome.detail
     assert detail.startswith(f"the {axis} encoder's count stood at")

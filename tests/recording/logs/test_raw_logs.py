@@ -45,6 +45,10 @@ def file_of_rig_b() -> Path:
     return next((RAW / "rig-b").glob("*.mat"))
 
 
+def files_of_rig_c() -> list[Path]:
+    return [RAW / "rig-c" / "1" / f"{name}.mat" for name in ("input", "x_enc", "ref")]
+
+
 def converted() -> list[Recording]:
     """Other flights of rig B, which someone else converted."""
     return [load(path, rig()) for path in sorted((REAL_DATA / "rig-b").glob("*.csv"))]
@@ -80,8 +84,7 @@ def test_a_matrix_of_rig_b_has_the_conventions_of_its_converted_logs() -> None:
 
 
 def test_three_files_of_rig_c_are_one_flight() -> None:
-    files = [RAW / "rig-c" / "1" / f"{name}.mat" for name in ("input", "x_enc", "ref")]
-    flight = import_log(files, rig(), mapping=RIG_C)
+    flight = import_log(files_of_rig_c(), rig(), mapping=RIG_C)
     assert np.degrees(flight.angle[0, 0]) == pytest.approx(-23.8, abs=0.05)
     assert flight.voltage.max() == 5
     assert yaw_torque(flight) < -0.8

@@ -265,6 +265,15 @@ def test_a_noise_floor_above_the_error_gives_a_warning() -> None:
     assert warning not in text_of(DOCUMENT)
 
 
+def test_nothing_found_states_the_axes_whose_noise_may_hide_an_effect() -> None:
+    noisy = changed(verdict="nothing_found", findings=[], leftover=[], calibration=[])
+    beyond_noise = "No simulation error beyond noise was found."
+    assert beyond_noise in text_of(noisy)
+    noisy["simulation_error"]["yaw"]["noise_floor_deg"] = 24.0
+    assert "the fitted noise may hide one on yaw" in text_of(noisy)
+    assert beyond_noise not in text_of(noisy)
+
+
 def test_a_cause_on_an_axis_with_an_unmodelled_effect_is_only_similar() -> None:
     assert "read it as friction.coulomb.yaw-like" in text_of(DOCUMENT)
     assert "roll-like" not in text_of(DOCUMENT)
