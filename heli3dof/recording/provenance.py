@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import platform
-import shlex
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from heli3dof.errors import quoted
 from heli3dof.recording.mcap_files.schema import FORMAT
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.profile import default_profile
@@ -94,7 +94,7 @@ def run_command(plan: str, device: str | None, profile: str | None) -> str:
     "heli3dof run rich --profile 'lab 2.toml'"
     """
     options = {"--device": device, "--profile": profile}
-    given = (f" {name} {shlex.quote(value)}" for name, value in options.items() if value)
+    given = (f" {name} {quoted(value)}" for name, value in options.items() if value)
     return f"heli3dof run {plan}{''.join(given)}"
 
 
