@@ -32,7 +32,12 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, UsageError, no_file
-from heli3dof.identification.greybox.thrust_scale import BASE, TORQUE_UNITS, Measured, of_ratios
+from heli3dof.identification.greybox.thrust_scale import (
+    BASE,
+    TORQUE_UNITS,
+    Measured,
+    scale_of_model,
+)
 from heli3dof.model.greybox.linearisation import LevelHover, level_hover
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
@@ -143,11 +148,8 @@ def _from_model(path: Path) -> Calibration:
             fix="heli3dof identify REC.mcap --method greybox -o model.json",
         )
     free = model.structure.free[:4]
-    nominal = np.array([f.start for f in free])
     std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
-    scale = of_ratios(
-        model.values[:4] / nominal, std / np.abs(nominal), 0.5 * model.profile.tolerance
-    )
+    scale = scale_of_model(model)
     K_f = model.profile.motor.K_f
     base = {"K_f": Measured(K_f, K_f * scale.k, K_f * scale.k * scale.std)}
     for f, v, s in zip(free, model.values, std, strict=False):
