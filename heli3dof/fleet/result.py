@@ -58,7 +58,7 @@ class FleetQuantity:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fleet(Result):
-    """The result of `heli3dof.fleet.analyse`: results for each quantity, and bad recordings."""
+    """The result of `heli3dof.fleet.analyse`: results for each quantity, and unused recordings."""
 
     recordings: int
     plan: str
@@ -101,7 +101,7 @@ class Fleet(Result):
         count = {k: sum(c.kind == k for _, c in self.changes()) for k in ("step", "drift")}
         return (
             f"Fleet of {len(self.rigs)} rigs, {self.recordings} recordings, "
-            f"{len(self.bad)} of them bad data\n"
+            f"{len(self.bad)} of them not used\n"
             f"  steps: {count['step']}, drifts: {count['drift']}, "
             f"deviating flights: {len(self.changes()) - sum(count.values())}\n"
             f"  rigs that differ from their siblings: "

@@ -81,7 +81,7 @@ def test_each_flights_own_estimate_is_between_its_value_and_the_mean(fleet, docu
 
 
 def test_methods_for_notebooks(fleet) -> None:
-    assert "Fleet of 5 rigs, 120 recordings, 2 of them bad data" in repr(fleet)
+    assert "Fleet of 5 rigs, 120 recordings, 2 of them not used" in repr(fleet)
     assert fleet.to_dataframe().loc[("rig-01", "hover_voltage_V"), "flights"] == 24
     assert fleet.plot().texts[0].get_text() == STEP[1]
 

@@ -181,7 +181,7 @@ def test_an_impossible_order_is_rejected(order: int) -> None:
 def test_a_one_angle_recording_is_rejected() -> None:
     rec = flight(seconds=10)
     rec.angle[:, 1:] = np.nan
-    with pytest.raises(RecordingError, match="pitch, yaw was not measured"):
+    with pytest.raises(RecordingError, match="roll, but not pitch, yaw"):
         identify(rec)
 
 

@@ -1,4 +1,4 @@
-"""Write the sentences on a fleet: changes with date and size, rigs that differ, bad data."""
+"""Write the sentences on a fleet: changes, rigs that differ, unused recordings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from heli3dof.report.text.number_format import significant
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 WORDS = {"step": "a step", "drift": "a drift", "deviating": "one deviating flight"}
 MOST_REASONS = 3
-"""Largest number of reasons for bad data that a sentence names (a convention)"""
+"""Largest number of reasons for unused recordings that a sentence names (a convention)"""
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
@@ -68,7 +68,7 @@ def difference_sentence(quantity: str, d: Difference) -> str:
 
 
 def remark_sentences(fleet: Fleet) -> Iterator[str]:
-    """Yield sentences on the number of bad recordings and on what limits the search for changes."""
+    """Yield sentences on unused recordings and on what limits the search for changes."""
     if fleet.bad:
         reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
         named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
@@ -76,7 +76,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
         named += [f"{more} more"] if more else []
         yield (
             f"{len(fleet.bad)} of {_count(fleet.recordings, 'recording')} "
-            f"{'is' if len(fleet.bad) == 1 else 'are'} bad data and not used: {', '.join(named)}."
+            f"{'is' if len(fleet.bad) == 1 else 'are'} not used: {', '.join(named)}."
         )
     if fleet.undated:
         yield (
@@ -99,7 +99,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return why a recording is bad: its failed integrity checks, or else its error message.
+    """Return why a recording is not used: its failed integrity checks, or else its error message.
 
     In the message, "it" replaces the recording's name.
 
