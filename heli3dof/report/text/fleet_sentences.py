@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.fleet.change_search import LEAST_FLIGHTS, REPORTED, Change
-from heli3dof.fleet.result import Fleet
+from heli3dof.fleet.result import ChangeGroup, Fleet
 from heli3dof.fleet.siblings import Difference
 from heli3dof.fleet.tracks import BadRecording, Track
 from heli3dof.recording.atomic_write import stem
@@ -25,13 +25,20 @@ MOST_REASONS = 3
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
     """Return a sentence on each change, then on each rig that differs from the other rigs."""
-    found = [change_sentence(track, c) for track, c in fleet.changes()]
+    found = [_group_sentence(group) for group in fleet.change_groups()]
     if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
     elif not found:
         found = [f"No rig has the {LEAST_FLIGHTS} flights that a search for changes needs."]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     return (*found, *different)
+
+
+def _group_sentence(group: ChangeGroup) -> str:
+    sentence = change_sentence(group.track, group.change)
+    if not group.moved:
+        return sentence
+    return f"{sentence} By the inverse factor changed {', '.join(group.moved)}."
 
 
 def change_sentence(track: Track, change: Change) -> str:
