@@ -27,12 +27,12 @@ MAY_IMPORT = {
     "experiment": {
         "errors", "arrays", "axes", "plugins", "toml_file", "rig", "recording", "model",
     },
-    "effect_files": {"errors", "axes", "rig", "model"},
     "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
         "errors", "results", "arrays", "axes", "parallel", "plugins", "stage_clock", "rig",
         "recording", "model",
     },
+    "effect_files": {"errors", "axes", "rig", "model", "identification"},
     "comparison": {
         "errors", "results", "arrays", "axes", "rig", "recording", "model", "identification",
     },

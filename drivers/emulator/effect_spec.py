@@ -51,8 +51,9 @@ def _parse_one(text: str) -> Hidden:
         effect = known.get(stem)
     if effect is None:
         raise UsageError(
-            f"hide={text}: there is no effect {name!r}.",
-            cause=f"a typing error; {did_you_mean(name, _names(known.values()))}",
+            f"hide={text}: the emulated rig does not simulate an effect {name!r}.",
+            cause="only the models have it (heli3dof effect list shows theirs), or a typing error; "
+            f"{did_you_mean(name, _names(known.values()))}",
             fix="docs/reference/mock.md lists every effect with its unit and an example",
         )
     return Hidden(effect, _axis(effect, axis_name, text), _values(effect, values, text))

@@ -181,10 +181,11 @@ def _gains(errors: Mapping[str, Mapping[str, float | None]]) -> Row:
 
 
 def _identify(job: Job) -> Document:
-    """Identify and save a model; return its ``identify --json`` document, with two more keys.
+    """Identify and save a model; return its ``identify --json`` document, with more keys.
 
     ``faults`` names the integrity checks that found bad data: ``fleet`` leaves out such recordings.
-    ``nominal_hover_voltage_V`` is the hover voltage in the profile.
+    ``nominal_hover_voltage_V`` is the hover voltage in the profile, ``hover_voltage_V`` the
+    model's (``value`` and ``std``; null for a black box, or if no voltage holds the arm level).
     """
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.identification.identify import identify
@@ -204,7 +205,16 @@ def _identify(job: Job) -> Document:
         "models": [result.to_dict(str(path))],
         "faults": faults,
         "nominal_hover_voltage_V": job.recording.profile.motor.V_o,
+        "hover_voltage_V": _hover_voltage(result.model),
     }
+
+
+def _hover_voltage(model: Model) -> dict[str, float] | None:
+    from heli3dof.model.greybox.linearisation import level_hover
+    from heli3dof.model.greybox.model import GreyBoxModel
+
+    hover = level_hover(model) if isinstance(model, GreyBoxModel) else None
+    return None if hover is None else {"value": hover.voltage_V, "std": hover.std_V}
 
 
 def _identify_columns(document: Document) -> Row:
@@ -221,7 +231,7 @@ def _identify_columns(document: Document) -> Row:
         "method": model["method"],
         "order": model["order"],
         "warnings": len(model["warnings"]),
-        **thrust_columns(parameters, model.get("correlation"), document["nominal_hover_voltage_V"]),
+        **thrust_columns(parameters, model.get("correlation"), document.get("hover_voltage_V")),
         **with_std(parameters),
         **fits,
     }

@@ -105,7 +105,12 @@ def read_rows(folder: Path, *, needed: Sequence[str] = ()) -> list[dict[str, Any
     except (UnicodeDecodeError, csv.Error) as error:
         raise _unusable(path, str(error)) from error
     if missing := [column for column in needed if column not in columns]:
-        raise _unusable(path, f"the column {missing[0]} is missing")
+        raise RecordingError(
+            f"{path} cannot be used: the column {missing[0]} is missing.",
+            cause="the table of batch identify is needed. Another verb, such as batch run, or "
+            "another program wrote this one.",
+            fix="heli3dof batch identify REC... -o FOLDER",
+        )
     if needed and not rows:
         raise _unusable(path, "it has no rows")
     return [{k: _value(k, v) for k, v in row.items() if k} for row in rows]

@@ -38,6 +38,8 @@ class Batch:
     """Tasks of this and earlier runs whose verb failed"""
     left_out: int = 0
     """Tasks whose recording does not meet the condition"""
+    first_failure: str = ""
+    """Name and error message of the first failed task"""
     tables: Sequence[Path] = ()
 
     @property
@@ -90,9 +92,16 @@ def run_batch(
                 progress(batch)
     finally:
         rows = [_row(task, folder) for task in tasks if task.key in folder.lines]
-        batch.failed = sum(row["exit_code"] != 0 for row in rows)
+        failures = [row for row in rows if row["exit_code"] != 0]
+        batch.failed = len(failures)
+        batch.first_failure = _named_error(failures[0]) if failures else ""
         batch.tables = write_table(rows, folder.path) if rows else ()
     return batch
+
+
+def _named_error(row: Mapping[str, Any]) -> str:
+    name, error = str(row.get("name") or row.get("recording") or ""), str(row["error"])
+    return error if name in error else f"{name}: {error}"
 
 
 def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:

@@ -4,8 +4,7 @@
   identification keeps K_f fixed, so on a rig with the thrust gain g·K_f it finds the inertias J/g
   instead of J. ln g is the generalised least-squares mean of ln(J_nominal/Ĵ) over the three axes,
   with the covariance of the estimated inertias Ĵ.
-- ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover. V_o and T_g are the profile's
-  hover voltage and gravity torque, T̂_g is the estimated gravity torque.
+- ``hover_voltage_V``: the voltage per motor at level hover, of the model with its effects.
 """
 
 from __future__ import annotations
@@ -22,16 +21,21 @@ INERTIAS = tuple(f"J_{axis}" for axis in AXES)
 
 
 def thrust_columns(
-    parameters: Mapping[str, Mapping[str, Any]], correlation: Sequence[Any] | None, V_o: float
+    parameters: Mapping[str, Mapping[str, Any]],
+    correlation: Sequence[Any] | None,
+    hover: Mapping[str, float] | None,
 ) -> dict[str, float]:
     """Return four columns: thrust gain ratio and hover voltage, each with standard deviation.
 
     ``parameters``: name → estimate of the model's parameters; ``correlation``: their correlation
-    matrix; ``V_o``: the profile's hover voltage (V). The result is empty if an inertia, the
-    gravity torque or the correlation matrix is missing.
+    matrix; ``hover``: ``value`` and ``std`` (V) of the hover voltage, or None. The thrust gain is
+    left out if an inertia or the correlation matrix is missing.
     """
-    if not correlation or any(n not in parameters for n in (*INERTIAS, "T_g")):
-        return {}
+    voltage = {} if hover is None else {
+        "hover_voltage_V": hover["value"], "hover_voltage_V_std": hover["std"],
+    }  # fmt: skip
+    if not correlation or any(n not in parameters for n in INERTIAS):
+        return voltage
     names = list(parameters)
     at = [names.index(n) for n in INERTIAS]
     J, std, nominal = (
@@ -41,13 +45,10 @@ def thrust_columns(
     s = std / J
     covariance = np.array(correlation, float)[np.ix_(at, at)] * np.outer(s, s)
     ln_gain, ln_std = generalised_mean(np.log(nominal / J), covariance)
-    T_g = parameters["T_g"]
-    ratio = T_g["value"] / T_g["nominal"]
     return {
         "thrust_gain_ratio": math.exp(ln_gain),
         "thrust_gain_ratio_std": math.exp(ln_gain) * ln_std,
-        "hover_voltage_V": V_o * ratio,
-        "hover_voltage_V_std": V_o * T_g["std"] / T_g["nominal"],
+        **voltage,
     }
 
 

@@ -308,10 +308,12 @@ def _show(
     done = batch.total - batch.left_out
     sentence = f"{name}: {done - batch.failed} of {done} recordings done"
     if batch.failed:
-        sentence += f", {batch.failed} failed (column error)"
+        sentence += f", {batch.failed} failed (column error of the table)"
     if batch.left_out:
         sentence += f"; {batch.left_out} others do not meet the condition"
     out.show(f"{sentence}.")
+    if batch.failed:
+        out.show(f"The first failure: {batch.first_failure}")
     for recording, each in shares.items():
         out.show(_share_table(recording, each))
     for table in batch.tables:

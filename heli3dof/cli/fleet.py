@@ -1,4 +1,4 @@
-"""``heli3dof fleet``: finds changes, differing rigs and bad data in recordings of many rigs."""
+"""``heli3dof fleet``: finds changes, differing rigs and unusable recordings of many rigs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def fleet(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """State what changed on which rig, which rigs differ, and which recordings are bad data.
+    """State what changed on which rig, which rigs differ, and which recordings are not used.
 
     Example: heli3dof fleet term -o term.html
     """
@@ -65,7 +65,7 @@ def fleet(
 
 
 def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
-    """Print findings and a table of rigs; ``verbose``: also all quantities and bad recordings."""
+    """Print findings and a table of rigs; ``verbose``: also all quantities, unused recordings."""
     from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
     from heli3dof.report.text.fleet_tables import bad_table, quantity_table, rig_table
 
@@ -81,4 +81,4 @@ def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
         for grid in grids:
             out.show("", grid)
     else:
-        out.note("For all quantities and the bad recordings add --verbose")
+        out.note("For all quantities and the recordings not used add --verbose")

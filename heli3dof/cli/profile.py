@@ -94,9 +94,9 @@ def new(
     write_file(path, new_text(data, remarks).encode(), force=force)
     if COMPUTED in remarks:
         out.warn(
-            f"motor.V_o = {profile.motor.V_o:g} V per motor was computed from the masses. It is "
-            "a small difference of large torques: measure it before the first flight "
-            "(docs/reference/profile.md)"
+            f"motor.V_o = {profile.motor.V_o:g} V per motor was computed: its size from the "
+            "masses, its sign from the rest angle. The size is a small difference of large "
+            "torques: measure it before the first flight (docs/reference/profile.md)"
         )
     if not no_controller:
         is_designed = "controller.K" in remarks

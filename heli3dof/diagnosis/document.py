@@ -29,6 +29,7 @@ from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 from heli3dof.identification.profile_update import profile_keys, ratios
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import term
+from heli3dof.model.greybox.linearisation import level_hover
 
 
 def diagnosis_document(
@@ -135,7 +136,8 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
     """
     if f is None:
         return []
-    keys = profile_keys({c.name: c for c in f.calibration}, f.model.profile)
+    base = {c.name: c for c in f.calibration}
+    keys = profile_keys(base, f.model.profile, level_hover(f.model))
     return [{"key": k, "was": m.nominal, "value": m.value, "std": m.std} for k, m in keys.items()]
 
 
@@ -147,9 +149,10 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     if f is None:
         return []
     held = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
+    base = {c.name: c for c in f.calibration}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
-        for n, m in ratios({c.name: c for c in f.calibration}, f.model.profile).items()
+        for n, m in ratios(base, f.model.profile, level_hover(f.model)).items()
         if n not in held
     ]
 

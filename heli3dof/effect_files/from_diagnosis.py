@@ -1,8 +1,9 @@
 """Write the formula of an unmodelled torque as an effect: a small package, ready for pip install.
 
 The source is the JSON document of a diagnosis (``leftover``) or an extended model
-(`heli3dof.model.effects.empirical`). The package contains the effect with its equation, units and
-bounds, a test, and the entry point that registers it.
+(`heli3dof.model.effects.empirical`). A model's coefficients are in units of its profile's thrust
+gain; `ThrustScale` converts them to SI, as in the diagnosis. The package contains the effect with
+its equation, units and bounds, a test, and the entry point that registers it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, no_file
+from heli3dof.identification.greybox.thrust_scale import scale_of_model
 from heli3dof.model.effects.empirical import PREFIX, factors, unit_of_product
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.model_file import read_model
 from heli3dof.model.parameter_units import torque_per
 
 CODE = {
@@ -73,7 +77,7 @@ def read_formulas(path: Path) -> list[Formula]:
         formulas = _of_diagnosis(data)
         why = "no torque of this diagnosis has a formula"
     elif schema.startswith("heli3dof.model/"):
-        formulas = _of_model(data)
+        formulas = _of_model(path, data)
         why = "the model has no torque with a formula"
     else:
         formulas, why = [], "it is neither a diagnosis nor a model"
@@ -92,14 +96,18 @@ def _of_diagnosis(data: dict[str, Any]) -> list[Formula]:
     return out
 
 
-def _of_model(data: dict[str, Any]) -> list[Formula]:
-    out = []
+def _of_model(path: Path, data: dict[str, Any]) -> list[Formula]:
+    model = read_model(path) if data.get("parameters") else None
+    if not isinstance(model, GreyBoxModel):
+        return []
+    out, scale = [], scale_of_model(model)
     for p in data.get("parameters", ()):
         term, _, parameter = str(p["name"]).rpartition(".")
         effect, _, axis = term.rpartition(".")
         product = effect.removeprefix(PREFIX)
         if effect.startswith(PREFIX) and parameter == "coefficient" and factors(product):
-            out.append(Formula(axis, product, float(p["value"]), float(p["std"] or 0)))
+            c = scale.to_si(float(p["value"]), float(p["std"] or 0), str(p["unit"]))
+            out.append(Formula(axis, product, *c))
     return out
 
 

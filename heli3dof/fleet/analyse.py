@@ -34,7 +34,7 @@ def analyse(rows: Sequence[Row]) -> Fleet:
     if not names:
         raise RecordingError(
             f"None of the {len(rows)} recordings has a quantity that can be used.",
-            cause=f"all are bad data; the first: {bad[0].recording}: {bad[0].reason}."
+            cause=f"no recording can be used; the first: {bad[0].recording}: {bad[0].reason}."
             if len(bad) == len(rows)
             else "the verb of the batch states no numbers with standard deviations.",
             fix=f"heli3dof diagnose {quoted(bad[0].recording)}" if bad

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from heli3dof.fleet.change_search import Change
+from heli3dof.fleet.change_search import NORMAL_95, Change
 from heli3dof.fleet.document import fleet_document
 from heli3dof.fleet.random_effects import Estimate
 from heli3dof.fleet.siblings import Difference
@@ -21,6 +22,19 @@ from heli3dof.results import Result, optional
 
 if TYPE_CHECKING:
     import pandas
+
+
+THRUST_GAIN = "thrust_gain_ratio"
+"""The quantity to which torques and inertias are relative (`heli3dof.batch.thrust_columns`)"""
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeGroup:
+    """A change, and the quantities that changed with it because they are relative to it."""
+
+    track: Track
+    change: Change
+    moved: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +72,7 @@ class FleetQuantity:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fleet(Result):
-    """The result of `heli3dof.fleet.analyse`: results for each quantity, and bad recordings."""
+    """The result of `heli3dof.fleet.analyse`: results for each quantity, and unused recordings."""
 
     recordings: int
     plan: str
@@ -91,6 +105,25 @@ class Fleet(Result):
         kinds = ("step", "drift", "deviating")
         return sorted(found, key=lambda tc: (kinds.index(tc[1].kind), -tc[1].probability))
 
+    def change_groups(self) -> list[ChangeGroup]:
+        """Return the changes in the order of `changes`; a thrust gain's changes are one group.
+
+        A flight determines torques and inertias only relative to the thrust gain, so a thrust gain
+        of g times its value divides them by g. A change belongs to that of the thrust gain if rig,
+        kind and flight are the same, and the factors agree within their 95 % intervals.
+        """
+        found = self.changes()
+        gains = [tc for tc in found if tc[0].quantity == THRUST_GAIN]
+        moved = {id(c): gain for t, c in found if (gain := _gain_of(t, c, gains)) is not None}
+        in_order = [q.name for q in self.quantities]
+        return [
+            ChangeGroup(t, c, tuple(sorted(
+                (o.quantity for o, x in found if moved.get(id(x)) is c), key=in_order.index
+            )))
+            for t, c in found
+            if id(c) not in moved
+        ]  # fmt: skip
+
     def differences(self) -> list[tuple[str, Difference]]:
         """Return (quantity, difference) for each rig that differs, smallest p-value first."""
         found = [(r.track.quantity, r.difference) for r in self.tracks() if r.difference]
@@ -101,7 +134,7 @@ class Fleet(Result):
         count = {k: sum(c.kind == k for _, c in self.changes()) for k in ("step", "drift")}
         return (
             f"Fleet of {len(self.rigs)} rigs, {self.recordings} recordings, "
-            f"{len(self.bad)} of them bad data\n"
+            f"{len(self.bad)} of them not used\n"
             f"  steps: {count['step']}, drifts: {count['drift']}, "
             f"deviating flights: {len(self.changes()) - sum(count.values())}\n"
             f"  rigs that differ from their siblings: "
@@ -126,3 +159,30 @@ class Fleet(Result):
                 "low": low, "high": high, "scatter": r.estimate.scatter, "flights": r.estimate.n,
             })  # fmt: skip
         return optional("pandas").DataFrame(rows).set_index(["rig", "quantity"])
+
+
+def _gain_of(track: Track, change: Change, gains: list[tuple[Track, Change]]) -> Change | None:
+    """Return the change in ``gains``, of the thrust gain, that explains ``change``; else None."""
+    x, std = _log_factor(track, change)
+    for other, gain in gains:
+        y, its_std = _log_factor(other, gain)
+        same = (track.rig, change.kind, change.first) == (other.rig, gain.kind, gain.first)
+        if gain is not change and same and abs(x + y) <= NORMAL_95 * hypot(std, its_std):
+            return gain
+    return None
+
+
+def _log_factor(track: Track, change: Change) -> tuple[float, float]:
+    """Return ln(value after/value before) of a change, and its standard deviation.
+
+    Both are NaN if the value changes its sign.
+    """
+    before = track.y[: change.first]
+    if change.kind == "deviating":
+        before = np.delete(track.y, change.first)
+    level = float(np.median(before)) if len(before) else float(track.y[0])
+    ratio = 1 + change.size / level if level else 0.0
+    if ratio <= 0:
+        return np.nan, np.nan
+    half = 0.5 * (change.interval[1] - change.interval[0])
+    return float(np.log(ratio)), half / NORMAL_95 / abs(level) / ratio

@@ -1,10 +1,10 @@
 """Tracks: the values of one quantity of one rig in its flights, in order of time.
 
 A quantity is a column NAME of the batch's results table that has a column ``NAME_std``, or one of
-`WITHOUT_STD`. Tracks leave out recordings that are bad data, for one of three reasons: their
-command failed (``exit_code``), an integrity check found bad data (``faults``), or an earlier
-recording has the same samples (``digest``). A track also omits flights without a finite value.
-Unless the quantity is in `WITHOUT_STD`, it omits flights without a standard deviation > 0.
+`WITHOUT_STD`. Tracks leave out a recording for one of three reasons: its command failed
+(``exit_code``), an integrity check found bad data (``faults``), or an earlier recording has the
+same samples (``digest``). A track also omits flights without a finite value. Unless the quantity is
+in `WITHOUT_STD`, it omits flights without a standard deviation > 0.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class BadRecording:
-    """A recording that is not used because it is bad data, and the reason."""
+    """A recording that is not used, and the reason."""
 
     recording: str
     rig: str
@@ -73,7 +73,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
 
 
 def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:
-    """Return the recordings that are bad data, each with the reason."""
+    """Return the recordings that are not used, each with the reason."""
     return tuple(
         BadRecording(str(row["recording"]), rig_of(row), reason)
         for row, reason in zip(rows, _reasons(rows), strict=True)
@@ -82,7 +82,7 @@ def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:
 
 
 def usable_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of recordings that are not bad data."""
+    """Return the rows of the recordings that are used."""
     return [row for row, reason in zip(rows, _reasons(rows), strict=True) if not reason]
 
 
@@ -93,7 +93,7 @@ def main_plan(rows: Sequence[Row]) -> str:
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Return for each row the reason why it is bad data; an empty text for a usable row."""
+    """Return for each row the reason why it is not used; an empty text for a usable row."""
     reasons, first = [], dict[str, str]()
     for row in rows:
         reason, digest = _reason(row), row.get("digest")

@@ -112,7 +112,7 @@ def identify(
         None if terms is None else tuple(terms),
         tuple(partial),
     )
-    clock.start("fit", f"Fitting the model ({method}) …")
+    clock.start("fit", "Fitting the model …")
     with report_progress(clock.counts):
         found = about.fit(prepared, request)
     method = found.method or method

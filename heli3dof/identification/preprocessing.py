@@ -212,7 +212,8 @@ def _check_content(recording: Recording) -> None:
     if missing:
         there = ", ".join(recording.axes) or "no angle"
         raise RecordingError(
-            f"{recording.name} holds {there}; {', '.join(missing)} was not measured.",
+            f"{recording.name} is not usable alone: it holds {there}, but not "
+            f"{', '.join(missing)}.",
             cause="a one-axis experiment. A black box needs all three angles; the grey box uses "
             "such a recording together with one that has all three.",
             fix="heli3dof run multisine, then identify from that (grey box: from both)",

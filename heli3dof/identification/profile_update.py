@@ -1,8 +1,8 @@
 """Convert the results of a diagnosis or a grey-box fit to keys of a profile.
 
     key of the profile         new value
-    motor.K_f                  K_f
-    motor.V_o                  T_g/(2 L_a K_f), with the arm length L_a of the profile
+    motor.V_o                  V_h, the voltage of level hover of the model with its effects
+    motor.K_f                  F_h/V_h, with the thrust F_h of a motor at level hover
     inertia.<axis>             J_<axis>
     encoder.<axis>_rest_deg    old value − offset, for the cause encoder.offset (reading = angle +
                                offset)
@@ -12,7 +12,9 @@
 
 In a model file, the trim torque T_g (N·m) and the inertias J (kg·m²) are relative to the thrust
 gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates the rig's K_f and multiplies them by
-the ratio, as ``diagnose --json`` does. The operating voltage V_o does not depend on K_f. Causes
+the ratio, as ``diagnose --json`` does. The hover voltage V_h does not depend on K_f. With thrust
+linear in voltage, F_h/V_h is K_f. With nonlinear thrust (dead zone, rotor curve) it is not: but a
+profile has linear thrust, and only F_h/V_h makes it hover at V_h (`LevelHover`). Causes
 without a key (friction, lag, …) and confounded causes do not change the profile;
 `Calibration.left_out` lists them.
 """
@@ -30,7 +32,13 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, UsageError, no_file, quoted
-from heli3dof.identification.greybox.thrust_scale import BASE, TORQUE_UNITS, Measured, of_ratios
+from heli3dof.identification.greybox.thrust_scale import (
+    BASE,
+    TORQUE_UNITS,
+    Measured,
+    scale_of_model,
+)
+from heli3dof.model.greybox.linearisation import LevelHover, level_hover
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
 
@@ -49,6 +57,8 @@ class Calibration:
     source: str
     base: Mapping[str, Measured]
     """Name in `BASE` → measured value; empty if the file has none"""
+    keys: Mapping[str, Measured] = field(default_factory=dict)
+    """Key of the profile → measured value (`profile_keys`)"""
     rest_deg: Mapping[str, float] = field(default_factory=dict)
     """Axis → angle in degrees to add to the rest angle"""
     counts: Mapping[str, float] = field(default_factory=dict)
@@ -100,6 +110,10 @@ def _from_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
         for c in data.get("calibration", ())
         if c["parameter"] in BASE
     }
+    keys = {
+        str(p["key"]): Measured(float(p["was"]), float(p["value"]), float(p["std"]))
+        for p in data.get("profile", ())
+    }
     rest: dict[str, float] = {}
     counts: dict[str, float] = {}
     left_out: list[str] = []
@@ -119,7 +133,7 @@ def _from_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
     for f in data.get("integrity", ()):
         if f.get("check") == "encoder.sign" and f.get("confidence", 0.0) >= MIN_SIGN_CONFIDENCE:
             counts[f["axis"]] = -counts.get(f["axis"], 1.0)
-    return Calibration(path.name, base, rest, counts, tuple(left_out))
+    return Calibration(path.name, base, keys, rest, counts, tuple(left_out))
 
 
 def _from_model(path: Path) -> Calibration:
@@ -134,17 +148,15 @@ def _from_model(path: Path) -> Calibration:
             fix="heli3dof identify REC.mcap --method greybox -o model.json",
         )
     free = model.structure.free[:4]
-    nominal = np.array([f.start for f in free])
     std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
-    scale = of_ratios(
-        model.values[:4] / nominal, std / np.abs(nominal), 0.5 * model.profile.tolerance
-    )
+    scale = scale_of_model(model)
     K_f = model.profile.motor.K_f
     base = {"K_f": Measured(K_f, K_f * scale.k, K_f * scale.k * scale.std)}
     for f, v, s in zip(free, model.values, std, strict=False):
         assert any(u in f.unit for u in TORQUE_UNITS)
         base[f.name] = Measured(f.start, *scale.to_si(float(v), float(s), f.unit))
-    return Calibration(path.name, base, left_out=tuple(model.terms), profile=model.profile)
+    keys = profile_keys(base, model.profile, level_hover(model))
+    return Calibration(path.name, base, keys, left_out=tuple(model.terms), profile=model.profile)
 
 
 def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> None:
@@ -167,45 +179,50 @@ def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> Non
 
 def changes(calibration: Calibration, profile: Profile) -> list[Change]:
     """Return the changes of the profile: key, old and new value, and source of the new value."""
-    return [*_base_changes(calibration, profile), *_encoder_changes(calibration, profile)]
+    return [*_base_changes(calibration), *_encoder_changes(calibration, profile)]
 
 
-def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change]:
-    for key, m in profile_keys(calibration.base, profile).items():
+def _base_changes(calibration: Calibration) -> Iterator[Change]:
+    for key, m in calibration.keys.items():
         yield _change(calibration, key, m.value, m.nominal, m.std)
 
 
-def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
+def profile_keys(
+    base: Mapping[str, Measured], profile: Profile, hover: LevelHover | None
+) -> dict[str, Measured]:
     """Return {key of the profile: measured value} for motor.K_f, motor.V_o and the inertias.
 
-    ``base``: name in `BASE` → measured value. If it is empty, so is the result.
+    ``base``: name in `BASE` → measured value. If it is empty, so is the result. ``hover``: level
+    hover of the model in units of the profile's K_f; without one, K_f and V_o are left out.
     """
     if not base:
         return {}
-    K_f, T_g = base["K_f"], base["T_g"]
-    V_o = T_g.value / (2 * profile.geometry.L_a * K_f.value)
-    out = {
-        "motor.K_f": Measured(profile.motor.K_f, K_f.value, K_f.std),
-        "motor.V_o": Measured(
-            profile.motor.V_o, V_o, abs(V_o) * _relative_std_without_K_f(T_g, K_f)
-        ),
-    }
+    out: dict[str, Measured] = {}
+    if hover is not None:
+        motor, K_f = profile.motor, base["K_f"]
+        secant = hover.thrust_N_per_V / motor.K_f
+        out["motor.K_f"] = Measured(motor.K_f, secant * K_f.value, secant * K_f.std)
+        out["motor.V_o"] = Measured(motor.V_o, hover.voltage_V, hover.std_V)
     for axis, nominal in zip(AXES, profile.inertias, strict=True):
         J = base[f"J_{axis}"]
         out[f"inertia.{axis}"] = Measured(nominal, J.value, J.std)
     return out
 
 
-def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return the operating voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
+def ratios(
+    base: Mapping[str, Measured], profile: Profile, hover: LevelHover | None
+) -> dict[str, Measured]:
+    """Return the hover voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
-    V_o = T_g/(2 L_a K_f), with the arm length L_a. Flights do not identify the thrust gain K_f, so
-    the trim torque T_g and the inertias J contain its error. In V_o and K_f/J it cancels. The
-    result is empty if ``base`` (name in `BASE` → measured value) is empty.
+    Flights do not identify the thrust gain K_f, so the trim torque T_g and the inertias J contain
+    its error. In V_o, the voltage of level hover, and in K_f/J it cancels. Arguments, and when V_o
+    is left out: `profile_keys`. The result is empty if ``base`` is.
     """
     if not base:
         return {}
-    K_f, out = base["K_f"], {"V_o": profile_keys(base, profile)["motor.V_o"]}
+    keys = profile_keys(base, profile, hover)
+    out = {"V_o": keys["motor.V_o"]} if hover is not None else {}
+    K_f = base["K_f"]
     for axis in AXES:
         J = base[f"J_{axis}"]
         value = K_f.value / J.value

@@ -188,7 +188,7 @@ class Encoder(Section):
     yaw: Annotated[Counts, _encoder("yaw", "counter-clockwise from above", "8192")]
     roll_rest_deg: Annotated[
         Finite,
-        Key("roll at rest on the table", "°", f"{REST}, along the arm", "-27.5", (0, 50), (0, 90)),
+        Key("roll at rest on the table", "°", f"{REST}, along the arm", "-27.5", (5, 50), (0, 90)),
     ] = -27.5
     pitch_rest_deg: Annotated[
         Finite, Key("pitch at rest", "°", f"{REST}, along the body", "0", (0, 30), (0, 90))

@@ -41,6 +41,8 @@ def test_it_fails_if_every_recording_fails(tmp_path: Path) -> None:
     done = heli3dof("batch", "info", tmp_path / "wrong.mcap", "-o", tmp_path / "out")
     assert done.code == 5
     assert "0 of 1 recordings done, 1 failed" in done.out
+    assert "The first failure: " in done.out
+    assert "wrong.mcap is not an MCAP recording" in done.out
 
 
 def test_results_are_continued_only_on_request(term: Path, tmp_path: Path) -> None:

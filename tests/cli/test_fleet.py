@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from heli3dof.fleet.analyse import analyse
+from heli3dof.report.text.fleet_tables import rig_table
 from tests.cli.running import heli3dof
 from tests.fleet.making import term_rows, write_results
 
@@ -25,7 +27,7 @@ def test_the_first_line_is_the_step_with_date_size_and_probability(term: Path) -
     assert lines[1].startswith("rig-04: friction.viscous.yaw.damping_Nms_per_rad drifted by +0.01")
     assert lines[2].startswith("rig-01: encoder.offset.roll.angle_deg deviates by +1.4")
     assert lines[3].startswith("rig-05: motor.lag.time_constant_s is 0.0")
-    assert lines[4].startswith("2 of 120 recordings are bad data and not used: clock.gaps (1)")
+    assert lines[4].startswith("2 of 120 recordings are not used: clock.gaps (1)")
 
 
 def test_the_output_fits_one_screen(term: Path) -> None:
@@ -84,3 +86,22 @@ def test_errors_have_a_cause_and_a_fix(tmp_path: Path, change, code, what) -> No
     assert what in done.err
     assert "Likely cause: " in done.err
     assert "Try: heli3dof " in done.err
+
+
+def test_one_rig_has_no_row_of_all_rigs(tmp_path: Path) -> None:
+    write_results(tmp_path, [r for r in term_rows() if r["rig"] == "rig-01"])
+    assert "all rigs" not in heli3dof("fleet", tmp_path).out
+
+
+def test_the_column_of_friction_names_its_axis() -> None:
+    old = "friction.viscous.yaw.damping_Nms_per_rad"
+    rows = [{k.replace(old, old.replace("yaw", "pitch")): v for k, v in r.items()}
+            for r in term_rows()]  # fmt: skip
+    assert "pitch friction" in rig_table(analyse(rows)).columns
+
+
+def test_the_table_of_batch_run_is_refused_with_the_one_that_is_needed(tmp_path: Path) -> None:
+    write_results(tmp_path, [{"recording": "a.mcap", "device": "mock:", "exit_code": 0}])
+    done = heli3dof("fleet", tmp_path)
+    assert done.code == 5
+    assert "the table of batch identify is needed" in done.err

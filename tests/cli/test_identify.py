@@ -78,7 +78,7 @@ def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path:
     stages = [line for line in result.err.splitlines() if line.endswith("…")]
     assert stages[-3:] == [
         "Selecting the rows to fit …",
-        "Fitting the model (greybox) …",
+        "Fitting the model …",
         "Evaluating the model on held-out data …",
     ]
     (model,) = result.document["models"]

@@ -44,7 +44,8 @@ def test_the_papers_numbers_give_the_papers_profile(tmp_path: Path) -> None:
     profile = load_profile(path)
     assert profile.motor.V_o == 7.456
     assert profile.controller == default_profile().controller
-    assert "computed from the masses" in result.err
+    assert "its size from the masses, its sign from the rest angle" in result.err
+    assert "the masses give" not in result.err
     assert result.document["loop"]["stable"] is True
     assert result.document["loop"]["disc_margin"] == pytest.approx(0.81, abs=0.01)
 

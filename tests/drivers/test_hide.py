@@ -101,6 +101,7 @@ def test_effects_act_in_the_order_of_the_signals_path():
         ("geometry", "run large"),
         ("geometry:1", "run large"),
         ("sorcery", "known"),
+        ("aero.flapping:0.1", "only the models have it (heli3dof effect list"),
     ],
 )
 def test_a_malformed_effect_is_refused_with_a_correction(text, says):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import runpy
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 
 from heli3dof.effect_files.from_diagnosis import Formula, package_files, read_formulas
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.identification.greybox.thrust_scale import scale_of_model
 from heli3dof.model.effects import term
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.model_file import save_model
@@ -52,7 +54,23 @@ def test_an_extended_model_gives_its_formulas(tmp_path: Path) -> None:
         **{f"{name}.coefficient": 0.2},
     )  # fmt: skip
     (formula,) = read_formulas(save_model(model, tmp_path / "m.json"))
-    assert (formula.axis, formula.product, formula.value) == ("roll", "sin(yaw)", 0.2)
+    assert (formula.axis, formula.product) == ("roll", "sin(yaw)")
+    assert formula.value == pytest.approx(0.2)
+
+
+def test_a_model_s_coefficient_is_converted_to_SI_as_in_its_diagnosis(tmp_path: Path) -> None:
+    """Gravity torque and inertias of 1/1.4 of nominal mean a thrust gain of 1.4 times nominal."""
+    name = "empirical.sin(yaw).roll"
+    model = nominal(default_profile(), (name,), **{f"{name}.coefficient": 0.2})
+    values = model.values.copy()
+    values[:4] /= 1.4
+    covariance = np.diag([0.0, 0.0, 0.0, 0.0, 0.01**2])
+    model = replace(model, values=values, covariance=covariance)
+    (formula,) = read_formulas(save_model(model, tmp_path / "m.json"))
+    scale = scale_of_model(model)
+    assert formula.value == pytest.approx(0.2 * scale.k)
+    assert formula.value == pytest.approx(0.28, rel=0.04)
+    assert formula.std == pytest.approx(scale.k * np.hypot(0.01, 0.2 * scale.std))
 
 
 @pytest.mark.parametrize("formula", FORMULAS, ids=lambda f: f.product)

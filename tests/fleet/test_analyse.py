@@ -12,6 +12,7 @@ from heli3dof.cli.output import jsonable
 from heli3dof.errors import RecordingError
 from heli3dof.fleet.analyse import analyse
 from heli3dof.fleet.result import Fleet
+from heli3dof.report.text.fleet_sentences import finding_sentences
 from tests.fleet.making import DEVIATING, DIFFERS, DRIFT, STEP, term_rows
 
 
@@ -81,7 +82,7 @@ def test_each_flights_own_estimate_is_between_its_value_and_the_mean(fleet, docu
 
 
 def test_methods_for_notebooks(fleet) -> None:
-    assert "Fleet of 5 rigs, 120 recordings, 2 of them bad data" in repr(fleet)
+    assert "Fleet of 5 rigs, 120 recordings, 2 of them not used" in repr(fleet)
     assert fleet.to_dataframe().loc[("rig-01", "hover_voltage_V"), "flights"] == 24
     assert fleet.plot().texts[0].get_text() == STEP[1]
 
@@ -150,3 +151,34 @@ def test_rows_without_quantities_are_an_error() -> None:
     with pytest.raises(RecordingError) as raised:
         analyse(rows)
     assert "no numbers" in raised.value.cause
+
+
+def with_thrust_gain(factor: float) -> list[dict[str, Any]]:
+    """The term's first rig, whose torques and inertias grow by ``factor`` from flight 14 on."""
+    rows = [dict(r) for r in term_rows() if r["rig"] == "rig-02"]
+    rng = np.random.default_rng(3)
+    for k, row in enumerate(rows):
+        grown = 1 / 0.94 if k >= STEP[2] else 1.0
+        for name in ("T_g", "J_roll"):
+            of_rig = grown if name == "T_g" else grown * (factor if k >= STEP[2] else 1.0)
+            row[name] = of_rig * (1 + 0.005 * rng.normal())
+            row[f"{name}_std"] = 0.004
+    return rows
+
+
+def test_a_thrust_gain_and_what_is_relative_to_it_are_one_change() -> None:
+    fleet = analyse(with_thrust_gain(1.0))
+    (group,) = fleet.change_groups()
+    assert group.track.quantity == "thrust_gain_ratio"
+    assert set(group.moved) == {"T_g", "J_roll"}
+    assert len(fleet.changes()) == 3
+    first = finding_sentences(fleet)[0]
+    assert "thrust_gain_ratio changed by −0.06" in first
+    assert first.endswith("By the inverse factor changed T_g, J_roll.")
+
+
+def test_a_change_by_another_factor_remains_a_change_of_its_own() -> None:
+    groups = analyse(with_thrust_gain(1.2)).change_groups()
+    assert {(g.track.quantity, g.moved) for g in groups} == {
+        ("thrust_gain_ratio", ("T_g",)), ("J_roll", ()),
+    }  # fmt: skip

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import heli3dof as h3
+from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.noise_check import (
     CLOCK,
     NoiseCheck,
@@ -68,6 +70,23 @@ def test_the_result_names_the_method_that_fitted(rig_b: Recording) -> None:
     result = h3.identify(rig_b)
     assert result.method == "freeflight"
     assert result.to_dict()["method"] == "freeflight"
+    assert result.model.name == "freeflight"
     text = "\n".join(result.sentences())
     assert "likelihood (extended Kalman filter" not in text
     assert any("Fitted to free-run predictions" in w for w in result.warnings)
+
+
+def test_recordings_that_lack_an_angle_do_not_prevent_the_switch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The recording with all angles decides, and the warning names the one that is not fitted."""
+    whole = without_loop(fly(1310, "rich").recording.between(0, 30))
+    only_roll = replace(
+        whole, angle=whole.angle * [1, np.nan, np.nan], meta={**whole.meta, "name": "only-roll"}
+    )
+    monkeypatch.setattr("heli3dof.identification.greybox.noise_check.has_jitter", lambda r: True)
+    one_round = partial(search, stages_s=((0.25,),), rounds=1)
+    monkeypatch.setattr("heli3dof.identification.greybox.freeflight.search", one_round)
+    result = h3.identify([whole, only_roll])
+    assert (result.method, result.model.name) == ("freeflight", "freeflight")
+    assert any("but not only-roll: an angle" in w for w in result.warnings)

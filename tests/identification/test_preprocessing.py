@@ -120,7 +120,10 @@ def test_a_nan_is_left_out_and_counted() -> None:
     [
         (lambda r: r.rows(slice(0, 2)), "has only 2 samples; at least 3 are needed"),
         (lambda r: r.rows(slice(0, 1000)), "only 1.5 s in flight"),
-        (lambda r: _set(r, "angle", np.s_[:, 1:], np.nan), "pitch, yaw was not measured"),
+        (
+            lambda r: _set(r, "angle", np.s_[:, 1:], np.nan),
+            "not usable alone: it holds roll, but not pitch",
+        ),
         (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant throughout"),
         (lambda r: _set(r, "t", np.s_[500], r.t[499]), "does not increase at row 500"),
     ],

@@ -20,12 +20,13 @@ rig the model explains. In steady level flight, both motors at voltage V give th
 `motor.rotor_curve`):
 
     F = 2 K_f V_o (V/V_o)^n
-    L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r               gives the hover voltage at each roll r
+    L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r
     F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's relative thrust
 
 T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque. L_a (m) is the arm's
-length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. Rows are in steady flight if the
-mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
+length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. The hover voltage at each roll
+angle is the equilibrium of the model with all its effects (`linearisation.hover_voltage`). Rows are
+in steady flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
 """
 
 from __future__ import annotations
@@ -38,10 +39,12 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.doubtful_findings import constant_voltage
 from heli3dof.diagnosis.constants import SIGMAS_95
+from heli3dof.errors import CheckFailed
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
 from heli3dof.model.estimation.filter_data import climb_rows
+from heli3dof.model.greybox.linearisation import hover_voltage
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import errors, table_of
 from heli3dof.model.physics.integrator import readings
@@ -269,20 +272,20 @@ def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
     return float(torque + at.get(PENDULUM, 0.0) * np.sin(r))
 
 
-def hover_voltage(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
-    """Return the voltage of each motor (V) that holds the arm at this roll angle."""
-    at = dict(zip(fit.structure.names, fit.values, strict=True))
-    p = fit.structure.profile
-    lift = arm_torque(fit, roll_deg) / p.geometry.L_a
-    hover = p.motor.K_f * abs(p.motor.V_o)
-    return float(abs(p.motor.V_o) * max(lift / 2 / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
-
-
 def equilibrium_deg(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
     """Return the equilibrium roll (°) at this voltage on both motors; the table is ignored."""
+    coarse = np.linspace(-60, 60, 61)
     angles = np.linspace(-60, 60, 1201)
-    needed = np.array([hover_voltage(fit, a) for a in angles])
-    return float(angles[int(np.argmin(np.abs(needed - voltage_V)))])
+    needed = np.interp(angles, coarse, [_voltage_or_nan(fit, a) for a in coarse])
+    return float(angles[int(np.nanargmin(np.abs(needed - voltage_V)))])
+
+
+def _voltage_or_nan(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
+    """Return the voltage (V) that holds the arm at this roll angle; NaN if none does."""
+    try:
+        return hover_voltage(fit, roll_deg)
+    except CheckFailed:
+        return float("nan")
 
 
 def steady_rows(recording: Recording) -> np.ndarray:

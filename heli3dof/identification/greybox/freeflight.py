@@ -100,14 +100,18 @@ APART_S = 0.2
 LEAST_WINDOWS = 20
 LEAST_STARTS = 2
 """Recordings with fewer prediction windows than this are left out."""
+METHOD = "freeflight"
 INSTEAD = (
-    "Fitted to free-run predictions of up to 3 s instead (method freeflight); "
+    f"Fitted to free-run predictions of up to 3 s instead (method {METHOD}); "
     "--method greybox --terms NAME,… forces the likelihood."
 )
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return physical parameters, fitted to multi-step predictions of the training runs."""
+    """Return physical parameters, fitted to multi-step predictions of the training runs.
+
+    A warning names the recordings that are not fitted, because they lack an angle or are too short.
+    """
     sources = sorted({r.source for r in prepared.train})
     whole = [prepared.recordings[i] for i in sources]
     several = [_cut(r, prepared.train, i) for r, i in zip(whole, sources, strict=True)]
@@ -120,8 +124,20 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         model,
         prepared.dt,
         parameters=parameters(found),
-        warnings=warnings(found),
+        warnings=(*_not_fitted(used, [*whole, *request.partial]), *warnings(found)),
         notes=notes(found),
+    )
+
+
+def _not_fitted(used: Sequence[Recording], given: Sequence[Recording]) -> tuple[str, ...]:
+    """Return a warning that names the recordings in ``given`` that are not in ``used``, or ()."""
+    fitted = {id(r) for r in used}
+    rest = [r.name for r in given if id(r) not in fitted]
+    if not rest:
+        return ()
+    return (
+        f"The fit used {', '.join(r.name for r in used)}, but not {', '.join(rest)}: an angle was "
+        "not measured, or the flight is too short.",
     )
 
 
@@ -248,7 +264,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
         covariance=found.covariance,
         varying=dict(found.problem.varying),
         extra={
-            "method": "freeflight",
+            "method": METHOD,
             "recordings": [{"name": r.name, "sha256": r.digest} for r in recordings],
             "converged": found.converged,
             "by_recording": {name: values.tolist() for name, values in found.by_recording.items()},
@@ -291,4 +307,4 @@ def as_replacement(found: FitResult, reason: str) -> FitResult:
 
     The warning gives the ``reason`` why the method ``greybox`` was not used.
     """
-    return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))
+    return replace(found, method=METHOD, warnings=(f"{reason} {INSTEAD}", *found.warnings))

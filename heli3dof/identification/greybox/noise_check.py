@@ -21,7 +21,7 @@ Encoder backlash alone meets only the second condition, a missing effect alone o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -114,10 +114,12 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    `training_obstacle` tests the recordings in ``prepared``. In two cases, the function skips this
-    test and uses the likelihood: ``request`` names the terms, or a recording lacks an angle.
+    `training_obstacle` tests the recordings in ``prepared``, which have all three angles. If
+    ``request`` names the terms, the function skips this test and uses the likelihood.
     """
-    if request.terms is None and not request.partial and (reason := training_obstacle(prepared)):
+    if request.terms is None and (reason := training_obstacle(prepared)):
+        if request.name == request.method:  # the default name
+            request = replace(request, name=freeflight.METHOD)
         return freeflight.as_replacement(freeflight.fit(prepared, request), reason)
     return method.fit(prepared, request)
 

@@ -22,10 +22,14 @@ reports a deviation of K_f if
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
 
 DEGREES_OF_FREEDOM = 3.0  # ν, chosen
 LOG_K_MAX = 1.5  # largest |ln k| of the grid on which p is evaluated: k to 4.5, chosen
@@ -89,6 +93,18 @@ def thrust_scale(fit: PhysicalFit) -> ThrustScale:
     x = fit.values[:4] / nominal
     std = fit.std[:4] / np.abs(nominal)
     return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
+
+
+def scale_of_model(model: GreyBoxModel) -> ThrustScale:
+    """Return the thrust gain's ratio to the profile's, from a model's gravity torque and inertias.
+
+    Unknown standard deviations count as 0.
+    """
+    nominal = np.array([f.start for f in model.structure.free[:4]])
+    std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
+    return of_ratios(
+        model.values[:4] / nominal, std / np.abs(nominal), 0.5 * model.profile.tolerance
+    )
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:

@@ -10,8 +10,8 @@ of the backlash.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -25,12 +25,41 @@ from heli3dof.model.physics.rotor import steady_thrusts
 
 if TYPE_CHECKING:
     from heli3dof.model.greybox.model import GreyBoxModel
+    from heli3dof.model.physics.parametrisation import Structure
+
+STEP = 0.05
+"""Step of the differences in the delta method, as a share of a standard deviation. Chosen: small
+enough for a straight line, and far above rounding errors."""
+
+
+class Valued(Protocol):
+    """A grey-box model, or a fit of one: its structure, and the parameters' values (n,)."""
+
+    @property
+    def structure(self) -> Structure: ...
+    @property
+    def values(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class LevelHover:
+    """Level hover of a grey-box model: motor voltage, its standard deviation, thrust per volt.
+
+    The voltage V_h is the mean of both motors, and F_h their mean thrust. With nonlinear thrust,
+    F_h/V_h differs from K_f. A profile with V_o = V_h and K_f = F_h/V_h hovers at V_h, too.
+    """
+
+    voltage_V: float
+    std_V: float
+    """Standard deviation of ``voltage_V``, from the parameters' covariance (delta method)"""
+    thrust_N_per_V: float
+    """F_h/V_h; K_f if V_h is 0"""
 
 
 class _Plant:
     """The equations of a grey-box model as functions of arrays, with or without its motor delay."""
 
-    def __init__(self, model: GreyBoxModel, *, delayed: bool = True) -> None:
+    def __init__(self, model: Valued, *, delayed: bool = True) -> None:
         structure = model.structure
         self.hooks = structure.hooks
         self.s, self.par = structure.arrays(model.values)
@@ -40,6 +69,8 @@ class _Plant:
         if not delayed:
             self.s[state_layout.DELAY] = 0.0
         self.free = np.ones(3, dtype=bool)
+        self.thrusts = np.empty(2)
+        """N, after the effects on the thrust: set by `acceleration`"""
 
     def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Return the accelerations (3,) rad/s² at rest; q (3,) rad: angles, F (2,) N: thrusts."""
@@ -49,7 +80,7 @@ class _Plant:
         self.s[state_layout.F_FRONT : state_layout.F_FRONT + 2] = F
         h = self.hooks
         accelerations(
-            self.s, h.first, h.address, self.par, self.mem, self.free, np.empty(3), np.empty(3), a
+            self.s, h.first, h.address, self.par, self.mem, self.free, self.thrusts, np.empty(3), a
         )
         return a
 
@@ -92,7 +123,7 @@ def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:
     return q
 
 
-def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
+def balance(model: Valued, q: np.ndarray) -> np.ndarray:
     """Return the thrusts (2,) N that balance roll and pitch at rest at the angles q (3,) rad.
 
     If Newton's method diverges, returns its last finite thrusts, which do not balance the model.
@@ -113,10 +144,10 @@ def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
     return np.asarray(F)
 
 
-def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
+def trim_voltage(model: Valued, F: np.ndarray) -> np.ndarray:
     """Return the voltages (2,) V that hold the thrusts F (2,) N; raise CheckFailed if none does."""
     plant = _Plant(model, delayed=False)
-    V = np.full(2, model.profile.motor.V_o)
+    V = np.full(2, model.structure.profile.motor.V_o)
     for _ in range(60):
         miss = plant.steady_thrusts(V) - F
         J = np.column_stack(
@@ -134,11 +165,51 @@ def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
     if np.abs(plant.steady_thrusts(V) - F).max() < 1e-6:
         return np.asarray(V)
     raise CheckFailed(
-        f"The model {model.name!r} cannot hover level: no voltage gives the thrusts "
-        f"{F[0]:.3g} and {F[1]:.3g} N.",
+        f"The model cannot hover level: no voltage gives the thrusts {F[0]:.3g} and {F[1]:.3g} N.",
         cause="a fit to too little data, or a thrust curve with a maximum below this thrust.",
         fix="identify from a recording with larger motion (heli3dof run large)",
     )
+
+
+def hover_voltage(model: Valued, roll_deg: float = 0.0) -> float:
+    """Return the voltage (V, mean of both motors) that holds the arm at a roll angle, pitch 0.
+
+    Raises CheckFailed if no voltage does.
+    """
+    return float(_hover(model, roll_deg)[0].mean())
+
+
+def level_hover(model: GreyBoxModel) -> LevelHover | None:
+    """Return the level hover of ``model``; None if no voltage holds it level."""
+    try:
+        V, F = _hover(model)
+        std_V = _delta_std(model)
+    except CheckFailed:
+        return None
+    total = float(V.sum())
+    K_f = float(F.sum()) / total if abs(total) > 1e-6 else model.profile.motor.K_f
+    return LevelHover(total / 2, std_V, K_f)
+
+
+def _hover(model: Valued, roll_deg: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the motors' voltages (2,) V and thrusts (2,) N at rest at a roll angle, pitch 0."""
+    q = np.radians([roll_deg, 0.0, 0.0])
+    F = balance(model, q)
+    plant = _Plant(model)
+    plant.acceleration(q, F)
+    return trim_voltage(model, F), plant.thrusts
+
+
+def _delta_std(model: GreyBoxModel) -> float:
+    """Return the standard deviation (V) of the level hover voltage; unknown covariances are 0."""
+    C = np.nan_to_num(model.covariance)
+    gradient = np.zeros(len(C))
+    for j in np.flatnonzero(np.diag(C) > 0):
+        d = np.zeros(len(C))
+        d[j] = STEP * np.sqrt(C[j, j])
+        high, low = (hover_voltage(replace(model, values=model.values + e)) for e in (d, -d))
+        gradient[j] = (high - low) / (2 * d[j])
+    return float(np.sqrt(max(gradient @ C @ gradient, 0.0)))
 
 
 def linear(model: GreyBoxModel, dt: float) -> tuple[LinearModel, tuple[str, ...]]:

@@ -29,7 +29,7 @@ def fleet_page(fleet: Fleet, *, title: str = "Fleet") -> str:
     sections += [_section(fleet, q) for q in drawn]
     sections.append(Section("Other quantities", (), [table(quantity_table(q)) for q in others]))
     if fleet.bad:
-        sections.append(Section("Bad data", [table(bad_table(fleet))]))
+        sections.append(Section("Recordings not used", [table(bad_table(fleet))]))
     subtitle = f"{len(fleet.rigs)} rigs, {fleet.recordings} recordings"
     return page(title, subtitle, sections, answers=_answers(fleet), footer=REPORT_LIMIT)
 

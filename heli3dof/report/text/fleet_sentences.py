@@ -1,4 +1,4 @@
-"""Write the sentences on a fleet: changes with date and size, rigs that differ, bad data."""
+"""Write the sentences on a fleet: changes, rigs that differ, unused recordings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.fleet.change_search import LEAST_FLIGHTS, REPORTED, Change
-from heli3dof.fleet.result import Fleet
+from heli3dof.fleet.result import ChangeGroup, Fleet
 from heli3dof.fleet.siblings import Difference
 from heli3dof.fleet.tracks import BadRecording, Track
 from heli3dof.recording.atomic_write import stem
@@ -20,18 +20,25 @@ from heli3dof.report.text.number_format import significant
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 WORDS = {"step": "a step", "drift": "a drift", "deviating": "one deviating flight"}
 MOST_REASONS = 3
-"""Largest number of reasons for bad data that a sentence names (a convention)"""
+"""Largest number of reasons for unused recordings that a sentence names (a convention)"""
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
     """Return a sentence on each change, then on each rig that differs from the other rigs."""
-    found = [change_sentence(track, c) for track, c in fleet.changes()]
+    found = [_group_sentence(group) for group in fleet.change_groups()]
     if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
     elif not found:
         found = [f"No rig has the {LEAST_FLIGHTS} flights that a search for changes needs."]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     return (*found, *different)
+
+
+def _group_sentence(group: ChangeGroup) -> str:
+    sentence = change_sentence(group.track, group.change)
+    if not group.moved:
+        return sentence
+    return f"{sentence} By the inverse factor changed {', '.join(group.moved)}."
 
 
 def change_sentence(track: Track, change: Change) -> str:
@@ -68,7 +75,7 @@ def difference_sentence(quantity: str, d: Difference) -> str:
 
 
 def remark_sentences(fleet: Fleet) -> Iterator[str]:
-    """Yield sentences on the number of bad recordings and on what limits the search for changes."""
+    """Yield sentences on unused recordings and on what limits the search for changes."""
     if fleet.bad:
         reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
         named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
@@ -76,7 +83,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
         named += [f"{more} more"] if more else []
         yield (
             f"{len(fleet.bad)} of {_count(fleet.recordings, 'recording')} "
-            f"{'is' if len(fleet.bad) == 1 else 'are'} bad data and not used: {', '.join(named)}."
+            f"{'is' if len(fleet.bad) == 1 else 'are'} not used: {', '.join(named)}."
         )
     if fleet.undated:
         yield (
@@ -99,7 +106,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return why a recording is bad: its failed integrity checks, or else its error message.
+    """Return why a recording is not used: its failed integrity checks, or else its error message.
 
     In the message, "it" replaces the recording's name.
 

@@ -34,7 +34,8 @@ MAIN = (
     Column(r"lost_share", "lost %", 100.0),
     Column(r"encoder\.offset\.pitch\..*", "pitch zero °"),
     Column(r"encoder\.offset\.yaw\..*", "yaw zero °"),
-    Column(r"friction\.\w+\.(roll|pitch)\..*", "friction"),
+    Column(r"friction\.\w+\.roll\..*", "roll friction"),
+    Column(r"friction\.\w+\.pitch\..*", "pitch friction"),
     Column(r"late_share", "late %", 100.0),
 )
 """Columns of the main quantities, the most important first"""
@@ -44,17 +45,21 @@ MARKS = "* changed or drifts; ! differs from the other rigs and is not in the la
 
 
 def rig_table(fleet: Fleet) -> Grid:
-    """Return a table of main quantities: a row per rig, and a row of the means over the rigs."""
+    """Return a table of main quantities: a row per rig, and with several, a row of their means."""
     chosen = main_quantities(fleet)
     rows = []
     for rig in fleet.rigs:
         cells = [_cell(_of_rig(q, rig), column.factor) for q, column in chosen]
         rows.append((rig, *cells))
-    means = [_value(q.fleet, c.factor) if q.fleet and len(q.rigs) > 1 else NONE for q, c in chosen]
+    if len(fleet.rigs) > 1:
+        means = (
+            _value(q.fleet, c.factor) if q.fleet and len(q.rigs) > 1 else NONE for q, c in chosen
+        )
+        rows.append(("all rigs", *means))
     return Grid(
         "Main quantities of each rig since its last step, ± half of the 95 % interval",
         ("rig", *(column.title for _, column in chosen)),
-        (*rows, ("all rigs", *means)),
+        rows,
         (MARKS,),
     )
 
@@ -93,7 +98,7 @@ def quantity_table(q: FleetQuantity) -> Grid:
 def bad_table(fleet: Fleet) -> Grid:
     """Return a table of the recordings that are not used, each with the reason."""
     rows = [(b.recording, b.rig, b.reason) for b in fleet.bad]
-    return Grid("Bad data", ("recording", "rig", "reason"), rows, text_columns=3)
+    return Grid("Recordings not used", ("recording", "rig", "reason"), rows, text_columns=3)
 
 
 def _numbers(e: Estimate) -> Sequence[str]:

@@ -26,6 +26,7 @@ from heli3dof.diagnosis.validation.gain import Gain, Interval
 from heli3dof.identification.profile_update import Measured, ratios
 from heli3dof.integrity import Fault, Kind
 from heli3dof.model.effects import term, terms
+from heli3dof.model.greybox.model import nominal
 from heli3dof.rig.profile import default_profile
 
 
@@ -158,15 +159,12 @@ def test_an_unexplained_error_is_left_over_and_depends_on_nothing() -> None:
 
 
 def test_ratios_to_the_thrust_gain_have_no_prior_in_them() -> None:
-    """K_f known to 4 %, T_g to 5 %: their ratio, and so V_o, to 3 %."""
+    """K_f known to 4 %, J_yaw to 5 %: their ratio to 3 %."""
     p = default_profile()
     J = dict(zip(("J_roll", "J_pitch", "J_yaw"), p.inertias, strict=True))
     base = {"K_f": Measured(p.motor.K_f, p.motor.K_f, 0.04 * p.motor.K_f)}
-    base["T_g"] = Measured(p.trim_torque, 1.1 * p.trim_torque, 0.05 * 1.1 * p.trim_torque)
     base |= {n: Measured(v, v, 0.05 * v) for n, v in J.items()}
-    found = ratios(base, p)
-    assert found["V_o"].value == pytest.approx(1.1 * p.motor.V_o)
-    assert found["V_o"].std / found["V_o"].value == pytest.approx(0.03)
+    found = ratios(base, p, None)
     assert found["K_f/J_yaw"].std / found["K_f/J_yaw"].value == pytest.approx(0.03)
 
 
@@ -195,7 +193,7 @@ def test_beyond_tolerance_has_three_values() -> None:
             ("J_yaw", 0.83),
         )
     )
-    model = SimpleNamespace(profile=default_profile())
+    model = nominal(default_profile())
     gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
     fitted = SimpleNamespace(refit=None,
         final=None, open=None, model=model, calibration=numbers, gain=gain, noise_floor={},
@@ -215,13 +213,13 @@ def test_beyond_tolerance_has_three_values() -> None:
 
 
 def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
-    """K_f 1.2 times, T_g 1.5 times nominal: V_o is 1.25 times nominal."""
+    """K_f 1.2 times, T_g 1.5 times nominal: in units of K_f, T_g and V_o are 1.25 times nominal."""
     profile = default_profile()
     values = {"K_f": 1.2 * profile.motor.K_f, "T_g": 1.5 * profile.trim_torque}
     values |= dict(zip(("J_roll", "J_pitch", "J_yaw"), profile.inertias, strict=True))
     numbers = tuple(BaseParameter(1.0, v, 0.03 * v, n, "", 0.03) for n, v in values.items())
     fitted = SimpleNamespace(
-        refit=None, final=None, open=None, model=SimpleNamespace(profile=profile),
+        refit=None, final=None, open=None, model=nominal(profile, T_g=1.25 * profile.trim_torque),
         gain=SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on=""),
         calibration=numbers, noise_floor={},
         simulation_error=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),

@@ -10,12 +10,12 @@ from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, free_run_gain, pr
 from heli3dof.diagnosis.free_run.residual_torques import _cross_validated_share
 from heli3dof.diagnosis.free_run.unexplained import (
     explanation_sentences,
-    hover_voltage,
     steady_rows,
 )
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.model.greybox.linearisation import hover_voltage
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
 from tests.identification.known_flights import fly

@@ -14,10 +14,10 @@ from heli3dof.diagnosis.free_run.unexplained import (
     compare_runs,
     creep,
     equilibrium_deg,
-    hover_voltage,
     pendulum_sentence,
     take_off,
 )
+from heli3dof.model.greybox.linearisation import hover_voltage
 from tests.diagnosis.rig_a import quick, recording
 
 
@@ -34,7 +34,8 @@ def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> Non
     fit = quick()
     n = dict(zip(fit.structure.names, fit.values, strict=True))["motor.rotor_curve.exponent"]
     torque = arm_torque(fit, 10) / arm_torque(fit, -10)
-    assert hover_voltage(fit, 10) / hover_voltage(fit, -10) == pytest.approx(torque ** (1 / n))
+    ratio = hover_voltage(fit, 10) / hover_voltage(fit, -10)  # of means of unequal motors
+    assert ratio == pytest.approx(torque ** (1 / n), rel=5e-3)
 
 
 def test_a_take_off_in_which_pitch_moves_against_the_thrusts_is_reported() -> None:
