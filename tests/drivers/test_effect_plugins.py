@@ -83,5 +83,5 @@ def test_a_faulty_plug_in_is_left_out_with_a_warning(
     (warning,) = caplog.messages
     assert "the emulated effect mine (mine:EFFECTS) does not load" in warning
     assert why in warning
-    with pytest.raises(UsageError, match="no effect"):
+    with pytest.raises(UsageError, match="does not simulate an effect"):
         parse_hide(["drag.cubic.yaw:2"])

@@ -131,13 +131,11 @@ def test_once_the_exit_code_is_decided_the_command_ignores_signals() -> None:
     send(signal.SIGTERM)
 
 
+@pytest.mark.usefixtures("as_in_the_command_line")  # which restores both handlers
 def test_a_signal_that_was_ignored_at_the_start_stays_ignored() -> None:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        end_on_signals()
-        send(signal.SIGINT)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_on_signals()
+    send(signal.SIGINT)
 
 
 def test_under_nohup_the_flight_goes_on_when_the_terminal_closes() -> None:
