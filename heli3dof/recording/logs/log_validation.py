@@ -68,14 +68,15 @@ def timing(t: np.ndarray) -> Timing:
     dt = np.diff(t)
     period = float(np.median(dt))
     clock = ticks(t)
-    gap = clock.missing > 0
+    missing = clock.missing
+    gap, lost = missing > 0, int(missing.sum())
     return Timing(
         period_s=period,
         rate_hz=1 / period,
         jitter_s=float(np.sqrt(np.mean((dt[~gap] - period) ** 2))) if (~gap).any() else 0.0,
         gaps=int(gap.sum()),
         longest_gap_s=float(dt.max()) if gap.any() else 0.0,
-        lost_share=clock.lost / (len(t) + clock.lost),
+        lost_share=lost / (len(t) + lost),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.logs.sampling_clock import sampling_times, ticks
 from heli3dof.recording.recording import Recording, make_recording
 from tests.recording.logs.test_sampling_jitter import STEP, motion
@@ -67,3 +68,8 @@ def test_a_sample_that_is_later_than_the_next_one_was_due_is_not_lost() -> None:
     missing = ticks(DT * (k + late)).missing
     assert np.flatnonzero(missing).tolist() == [499, 1197]
     assert missing.sum() == 3
+
+
+def test_an_extra_time_stamp_is_no_negative_loss() -> None:
+    t = DT * np.arange(2000)
+    assert timing(np.insert(t, 1000, t[999] + 0.3 * DT)).lost_share == 0
