@@ -29,7 +29,7 @@ from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 from heli3dof.identification.profile_update import profile_keys, ratios
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import term
-from heli3dof.model.greybox.linearisation import level_hover
+from heli3dof.model.greybox.linearisation import LevelHover, level_hover
 
 
 def diagnosis_document(
@@ -43,6 +43,7 @@ def diagnosis_document(
     adopted) and ``about`` (seed, null simulations, threshold, computing times).
     """
     f = d.fitted
+    hover = None if f is None else level_hover(f.model)
     about = dict(d.about)
     following = _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming)
     if following is None and f is not None and f.final is None:
@@ -55,8 +56,8 @@ def diagnosis_document(
         "simulation_error": {a: _simulation_error(f, a) for a in AXES},
         "calibration": [] if f is None else _calibration(d, f),
         "calibration_gain": _gain(None if f is None else f.refit),
-        "profile": _profile(f),
-        "ratios": _ratios(f),
+        "profile": _profile(f, hover),
+        "ratios": _ratios(f, hover),
         "findings": [_cause(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [
@@ -129,7 +130,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     ]
 
 
-def _profile(f: Fitted | None) -> list[dict[str, Any]]:
+def _profile(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     """Return a JSON object for each key of the profile that `profile update` changes.
 
     ``was`` is the key's value in the profile, ``value`` the calibrated one.
@@ -137,11 +138,11 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
     if f is None:
         return []
     base = {c.name: c for c in f.calibration}
-    keys = profile_keys(base, f.model.profile, level_hover(f.model))
+    keys = profile_keys(base, f.model.profile, hover)
     return [{"key": k, "was": m.nominal, "value": m.value, "std": m.std} for k, m in keys.items()]
 
 
-def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
+def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
 
     Ratios with an inertia that was implausible, and therefore has a narrow prior, are omitted.
@@ -152,7 +153,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     base = {c.name: c for c in f.calibration}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
-        for n, m in ratios(base, f.model.profile, level_hover(f.model)).items()
+        for n, m in ratios(base, f.model.profile, hover).items()
         if n not in held
     ]
 

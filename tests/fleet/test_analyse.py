@@ -174,7 +174,7 @@ def test_a_thrust_gain_and_what_is_relative_to_it_are_one_change() -> None:
     assert len(fleet.changes()) == 3
     first = finding_sentences(fleet)[0]
     assert "thrust_gain_ratio changed by −0.06" in first
-    assert first.endswith("By the inverse factor changed T_g, J_roll.")
+    assert first.endswith(" T_g, J_roll changed by the inverse factor.")
 
 
 def test_a_change_by_another_factor_remains_a_change_of_its_own() -> None:

@@ -80,6 +80,7 @@ def _filter(  # type: ignore[no-untyped-def]
         s, mem, par = s0.copy(), mem0.copy(), par0.copy()
         axes = free[block]
         setup(s, first, address, par, mem)
+        s[STEPPED] = 1.0
         lead, start, stop = blocks[block, 0], blocks[block, 1], blocks[block, 2]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
         cache[0] = -1.0
@@ -165,7 +166,7 @@ def _filter(  # type: ignore[no-untyped-def]
                 par[where[q, 0], where[q, 1]] = x[6 + where[q, 2]]
             if since >= RELINEARISE_S:
                 since = 0.0
-                s[T], s[STEPPED] = t[k], 1.0
+                s[T] = t[k]
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
             step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache)

@@ -38,7 +38,7 @@ def _group_sentence(group: ChangeGroup) -> str:
     sentence = change_sentence(group.track, group.change)
     if not group.moved:
         return sentence
-    return f"{sentence} By the inverse factor changed {', '.join(group.moved)}."
+    return f"{sentence} {', '.join(group.moved)} changed by the inverse factor."
 
 
 def change_sentence(track: Track, change: Change) -> str:
