@@ -22,6 +22,7 @@ from heli3dof.identification.greybox.estimate import estimate
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.greybox.linearisation import level_hover
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.rig.profile import default_profile
@@ -109,6 +110,8 @@ def test_an_inertia_that_a_narrow_prior_holds_is_not_determined() -> None:
     r = flown("rich", 12.0, device="mock:?speed=max&seed=1160", seed=1160)
     problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
     fit = CorrectedFit(replace(problem, implausible=("pitch",)), estimate(problem).optimum)
-    fitted = SimpleNamespace(final=fit, model=nominal(r.profile), calibration=base_parameters(fit))
-    determined = [ratio["ratio"] for ratio in document._ratios(cast(Any, fitted))]
+    model = nominal(r.profile)
+    fitted = SimpleNamespace(final=fit, model=model, calibration=base_parameters(fit))
+    found = document._ratios(cast(Any, fitted), level_hover(model))
+    determined = [ratio["ratio"] for ratio in found]
     assert determined == ["V_o", "K_f/J_roll", "K_f/J_yaw"]
