@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
 import tomllib
+from pathlib import Path
+
+import pytest
 
 from tests.paths import ROOT
 
@@ -16,3 +20,12 @@ def test_pyproject_lists_every_package() -> None:
             parts = init.parent.relative_to(ROOT).parts
             result.add(".".join([mapped.get(parts[0], parts[0]), *parts[1:]]))
     assert set(data["tool"]["setuptools"]["packages"]) == result
+
+
+def test_the_top_level_holds_no_output_of_the_tool() -> None:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    top = {name for name in listed.stdout.splitlines() if "/" not in name}
+    written = {name for name in top if Path(name).suffix in {".json", ".mcap", ".html", ".csv"}}
+    assert not written

@@ -149,6 +149,7 @@ def _rms(error: FloatArray, rows: BoolArray | None) -> FloatArray:
     """Return the RMS (3,) of the finite errors (N, 3) in ``rows`` (N, 3); NaN if there are none."""
     use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
     count = use.sum(axis=0)
-    total = np.where(use, error, 0.0) ** 2
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.where(count > 0, np.sqrt(total.sum(axis=0) / count), np.nan))
+    # A diverging prediction is a large finite number, whose square overflows to infinity.
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        total = (np.where(use, error, 0.0) ** 2).sum(axis=0)
+        return np.asarray(np.where(count > 0, np.sqrt(total / count), np.nan))

@@ -26,10 +26,16 @@ from heli3dof.rig.trip import Trip
 SIGNALS = {
     "SIGINT": ("stopped with Ctrl-C", "a second Ctrl-C"),
     "SIGTERM": ("stopped by a request to terminate (SIGTERM)", "a second SIGTERM"),
+    "SIGQUIT": ("stopped with Ctrl-\\ (SIGQUIT)", "a second signal (SIGQUIT)"),
+    "SIGUSR1": ("stopped by SIGUSR1", "a second signal (SIGUSR1)"),
+    "SIGUSR2": ("stopped by SIGUSR2", "a second signal (SIGUSR2)"),
     "SIGBREAK": ("stopped with Ctrl-Break", "a second signal (Ctrl-Break)"),
     "SIGHUP": ("stopped because the terminal was closed (SIGHUP)", "a second signal (SIGHUP)"),
 }
-"""Signal → texts for messages: if it is the first signal received, and if it is the second"""
+"""Signal → texts for messages: if it is the first signal received, and if it is the second.
+
+Each of them would otherwise end the program at once, without the ramp to zero.
+"""
 
 
 class StopSignals:

@@ -49,6 +49,8 @@ def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[Scrip
         (signal.SIGINT, "stopped with Ctrl-C"),
         (signal.SIGTERM, "stopped by a request to terminate (SIGTERM)"),
         (signal.SIGHUP, "stopped because the terminal was closed (SIGHUP)"),
+        (signal.SIGQUIT, "stopped with Ctrl-\\ (SIGQUIT)"),
+        (signal.SIGUSR1, "stopped by SIGUSR1"),  # a batch system's warning
     ],
 )
 def test_one_signal_ends_the_flight_with_a_ramp_to_zero(
