@@ -131,10 +131,10 @@ def eliminate(
     retained: dict[str, LeaveOneOut] = {}
     known = known_beforehand(full.problem)
     while True:
-        order = by_significance(current.fit)
+        untested = [t for t, _ in by_significance(current.fit) if t not in retained]
         out = None
-        for name in [t for t, _ in order if t not in retained]:
-            progress(f"Without {name} …")
+        for k, name in enumerate(untested, 1):
+            progress(f"Without {name} ({k} of up to {len(untested)}) …")
             trial = without_term(current, name, seed=seed)
             if (
                 not trial.increase.significant
