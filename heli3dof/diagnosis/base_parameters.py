@@ -104,6 +104,8 @@ class OffNominal:
     """Estimate of the term's first parameter, in its unit, and its standard deviation"""
     score: float
     """((X − X_nominal)/σ_X)² with the standard deviation σ_X of X"""
+    confidence: float
+    """Probability that X is beyond the tolerance: Φ((|x| − |e|)/√(σ_k² + (f σ)²))"""
     flight_score: float = 0.0
     """(x/σ)²: the score if K_f were known; 0 for K_f"""
     tied_with: tuple[str, ...] = ()
@@ -115,11 +117,11 @@ def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
 
     The largest `OffNominal.score` comes first.
     """
-    tolerance, q = fit.structure.profile.tolerance, quantile() * std_inflation(fit)
+    tolerance, f = fit.structure.profile.tolerance, std_inflation(fit)
     out = [
-        _off(c)
+        _off(c, tolerance, f)
         for c in base_parameters(fit)
-        if c.excess(tolerance) > np.hypot(SCALE_QUANTILE * c.scale, q * c.noise_std)
+        if c.excess(tolerance) > np.hypot(SCALE_QUANTILE * c.scale, quantile() * f * c.noise_std)
     ]
     return tuple(sorted(out, key=lambda o: -o.score))
 
@@ -143,14 +145,17 @@ def finding_of(parameter: str) -> str:
     return named.get(parameter, f"inertia.{parameter.removeprefix('J_')}")
 
 
-def _off(c: BaseParameter) -> OffNominal:
+def _off(c: BaseParameter, tolerance: float, f: float) -> OffNominal:
+    from scipy.stats import norm
+
     ratio, ratio_std = c.value / c.nominal, c.std / abs(c.nominal)
     score = ((c.value - c.nominal) / c.std) ** 2
     flight_score = float((c.x / c.noise_std) ** 2) if c.noise_std > 0 else 0.0
+    confidence = float(norm.cdf(c.excess(tolerance) / np.hypot(c.scale, f * c.noise_std)))
     cause = term(finding_of(c.name))
     if c.name == "T_g":
-        return OffNominal(cause, c.value - c.nominal, c.std, score, flight_score)
-    return OffNominal(cause, ratio, ratio_std, score, flight_score)
+        return OffNominal(cause, c.value - c.nominal, c.std, score, confidence, flight_score)
+    return OffNominal(cause, ratio, ratio_std, score, confidence, flight_score)
 
 
 def effect_size(fit: PhysicalFit, name: str) -> tuple[float, float] | None:

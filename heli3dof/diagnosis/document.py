@@ -188,7 +188,7 @@ def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
     effect, axis = x.term.effect, x.term.axis
     if isinstance(x, OffNominal):
         values = {effect.parameters[0].name: (x.value, x.std)}
-        return _cause_object(effect.name, axis, values, x.score, 1.0, x.tied_with)
+        return _cause_object(effect.name, axis, values, x.score, x.confidence, x.tied_with)
     out = _cause_object(
         effect.name, axis, x.values, x.score, x.choice.confidence, x.tied_with, x.gain
     )

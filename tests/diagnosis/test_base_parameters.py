@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from heli3dof.diagnosis.base_parameters import (
     OffNominal,
@@ -48,8 +49,6 @@ def names(off: tuple[OffNominal, ...]) -> list[str]:
 
 
 def test_the_quantile_gives_five_parameters_a_false_alarm_rate_of_0_003() -> None:
-    from scipy.stats import norm
-
     assert 5 * norm.sf(quantile()) == pytest.approx(0.003)
 
 
@@ -57,6 +56,12 @@ def test_a_significant_deviation_is_a_finding_and_one_within_tolerance_is_not() 
     assert names(off_nominal(rig((1, 1, 1.4, 1)))) == ["inertia.pitch"]
     assert names(off_nominal(rig((0.6, 1, 1, 1)))) == ["mass.imbalance"]
     assert names(off_nominal(rig((1, 1, 1.12, 1)))) == []
+
+
+def test_the_confidence_is_the_probability_of_being_beyond_the_tolerance() -> None:
+    # The estimated ratio 1.380 is 0.182 beyond ln 1.15. σ is √(0.0377² + (3 · 0.003)²) = 0.0388.
+    (off,) = off_nominal(rig((1, 1, 1.4, 1)))
+    assert norm.ppf(off.confidence) == pytest.approx(0.182 / 0.0388, rel=0.02)
 
 
 def test_a_common_factor_on_all_parameters_is_the_thrust_gain() -> None:

@@ -80,10 +80,10 @@ OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
 MIN_GAIN = TIE / 2
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
 LARGE_GAIN = 12.0
-"""Least gain in log-likelihood in condition 3. On a rig without the effect, the mean of exp Δℓ on
-held-out data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's inequality). A phase
-or instant that is estimated on the held-out data raises that mean by about √(2π) z, z the torque's
-size in standard deviations."""
+"""Least gain in log-likelihood in condition 3. With an exact likelihood and without the effect, the
+mean of exp Δℓ on held-out data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's
+inequality). If the scores scatter κ times as much as the likelihood states, it may reach
+3·10⁻⁴ (κ = 2) or 5·10⁻³ (κ = 3.7)."""
 
 
 @dataclass(frozen=True, eq=False)

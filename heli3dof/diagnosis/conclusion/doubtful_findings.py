@@ -23,7 +23,7 @@ differences. So each recording is fitted alone with the same terms. A term's fir
 estimate θ_i ± σ_i in recording i and the null value θ_0 (no effect). The recordings confirm the
 cause if both hold:
 
-    significant:   max_i |θ_i − θ_0|/σ_i ≥ `SIGNIFICANT`
+    significant:   |Σ (θ_i − θ_0)/σ_i²| ≥ `SIGMAS_95` √(Σ 1/σ_i²)
     of equal size: |θ_i − θ_j| ≤ `SIGMAS_99` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, this test is skipped.
@@ -40,7 +40,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import SIGMAS_99
+from heli3dof.diagnosis.constants import SIGMAS_95, SIGMAS_99
 from heli3dof.diagnosis.result import Finding
 from heli3dof.errors import RecordingError
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -51,9 +51,6 @@ from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-SIGNIFICANT = 1.645
-"""Least distance from θ_0 in standard deviations: the one-sided 95 % quantile of the normal
-distribution"""
 LEAST_SHARE = 0.02
 """Least share of the variance at a frequency that belongs to the motion. Chosen; not derived."""
 MOST_CONFIDENCE = 0.5
@@ -136,15 +133,18 @@ def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[
 
 
 def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
-    """Return whether sizes (θ − θ_0, σ), one per recording, agree and at least one is significant.
+    """Return whether sizes (θ − θ_0, σ), one per recording, agree and their mean is significant.
 
-    >>> confirmed([(0.9, 0.8), (1.9, 1.4), (10.0, 6.5)])  # none is significant
+    The mean is weighted by 1/σ².
+
+    >>> confirmed([(0.9, 0.8), (1.9, 1.4), (10.0, 6.5)])  # the mean is 1.8 σ
     False
     >>> confirmed([(2.2, 0.3), (1.0, 2.0)]), confirmed([(2.2, 0.3), (-2.0, 0.3)])
     (True, False)
     """
-    significant = any(abs(d) >= SIGNIFICANT * s for d, s in sizes if s > 0)
-    return significant and all(
+    d, s = np.array([size for size in sizes if size[1] > 0]).reshape(-1, 2).T
+    significant = abs(np.sum(d / s**2)) > SIGMAS_95 * np.sqrt(np.sum(s**-2.0))
+    return bool(significant) and all(
         are_of_equal_size(*pair) for pair in itertools.combinations(sizes, 2)
     )
 

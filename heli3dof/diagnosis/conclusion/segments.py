@@ -24,10 +24,9 @@ from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice, with_ties
 from heli3dof.diagnosis.validation.cross_validation import row_by_row
+from heli3dof.diagnosis.validation.gain import CELL_S
 from heli3dof.parallel import parallel_map
 
-CELL_S = 0.5
-"""s, length of a cell. Chosen; not derived."""
 MIN_CLEARANCE = 1.0
 """Least difference of the scores that separates two causes, in units of s. Chosen; not derived."""
 MIN_SCORE_SHARE = 0.5

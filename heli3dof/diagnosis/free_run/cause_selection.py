@@ -27,13 +27,13 @@ covariance of the fit, J the derivatives of the new parameters by the old ones.
 estimates from two halves of the flights differ. So each fold's training blocks (`free_run.refits`)
 are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
 
-    u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
+    u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ q,
                                                all u_h of one sign, none mostly the prior
     δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_99`
 
-An estimate that is mostly the prior is not significant, because both fits share the prior, which
-makes their estimates equal. If the parameter varies by recording, χ² of its values is converted to
-a normal deviate u_h, and δ is 0.
+q is the normal quantile of `LEVEL`. An estimate that is mostly the prior is not significant,
+because both fits share the prior, which makes their estimates equal. If the parameter varies by
+recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.doubtful_findings import SIGNIFICANT, are_of_equal_size
+from heli3dof.diagnosis.conclusion.doubtful_findings import are_of_equal_size
 from heli3dof.diagnosis.constants import LEVEL
 from heli3dof.diagnosis.free_run.elimination import (
     NORMAL,
@@ -101,14 +101,14 @@ def contradicted(result: Elimination, r: TermResult) -> str:
 
 
 def confidence(result: Elimination, r: TermResult) -> float:
-    """Return the probability that the term's effect is not zero.
+    """Return the probability that the term's size has the estimated sign.
 
     It is at most the share of bootstrap draws in which a fit without the term predicts held-out
     data worse. This limit does not apply to a term known beforehand.
     """
-    P = probability_nonzero(result.fit, r.term)
+    sign = (1 + probability_nonzero(result.fit, r.term)) / 2
     known = r.term in known_beforehand(result.fit.problem)
-    return P if known else min(r.increase.positive, P)
+    return sign if known else min(r.increase.positive, sign)
 
 
 def open_terms(
@@ -245,7 +245,7 @@ def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
     """Return (sizes are equal, sizes are significant) of estimates from two halves of the data."""
     one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
     significant = one_sign and not (a.mostly_prior or b.mostly_prior)
-    significant = significant and min(abs(a.u), abs(b.u)) >= SIGNIFICANT
+    significant = significant and min(abs(a.u), abs(b.u)) >= NORMAL.inv_cdf(LEVEL)
     return are_of_equal_size((a.value, a.std), (b.value, b.std)), significant
 
 

@@ -12,7 +12,7 @@ density t of B − 1 degrees of freedom,
 z̄ is the mean of a rival's score-test statistic z over the nulls, κ their variance inflation. If
 this bias is large for a rival (|z̄|/√κ > `SIGMAS_99`), the rival k with the largest min_j W_kj is
 the cause. Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most the
-`certainty` that follows from the smallest W_kj of the other rivals. If no bias is large, the BIC
+`certainty` against the other rivals. If no bias is large, the BIC
 scores decide (`selection.select`), and nothing is simulated.
 """
 
@@ -103,7 +103,7 @@ def compared_by_simulation(
     m = sum(f.term == best.term.name for f in best.problem.structure.free)
     best = replace(best, score=best.Z2 - bic_penalty(m, best.optimum.at))
     refuted = [j for j in range(len(compared)) if j != k and W[k, j] >= TIE]
-    certain = certainty([float(W[k, refuted].min()), 0.0]) if refuted else 1.0
+    certain = certainty([0.0, *(-W[k, refuted])])
     names = [c.term.name for c in compared]
     tied = [n for j, n in enumerate(names) if j not in (k, *refuted)]
     if k == 0:  # causes that were not compared remain confounded with it

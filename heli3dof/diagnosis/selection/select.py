@@ -126,25 +126,24 @@ def best_choice(
     close = [f for f in below if best.score - f.score < tie_margin(s, best, f)]
     confounded = tuple(f.term.name for f in (*above, *close))
     # The probability that the cause is the chosen one or one confounded with it.
-    second = [f.score for f in below if f not in close][:1]
-    probability = min(nulls.confidence(best.Z2), certainty([best.score, *second, 0.0]))
+    apart = [f.score for f in below if f not in close]
+    probability = min(nulls.confidence(best.Z2), certainty([best.score, *apart, 0.0]))
     return Choice(
         best.term, best.score, best.Z2, probability, confounded, tuple(fits), nulls.threshold,
     )  # fmt: skip
 
 
 def certainty(scores: Sequence[float]) -> float:
-    """Return the posterior probability of the first model against the best other.
+    """Return the posterior probability of the first of several models, with equal priors.
 
-    ``scores``: 2 ln L of the models. With their difference Δ and equal priors, the probability is
-    1/(1 + exp(−Δ/2)).
+    ``scores``: S = 2 ln L of the models. The probability is exp(S_0/2)/Σ exp(S_i/2).
 
     >>> round(certainty([20.0, 20.0]), 2), round(certainty([26.0, 20.0]), 2)
     (0.5, 0.95)
     """
-    if len(scores) < 2:
-        return 1.0
-    return float(1 / (1 + np.exp(-min(scores[0] - max(scores[1:]), 200.0) / 2)))
+    from scipy.special import softmax
+
+    return float(softmax(np.array(scores) / 2)[0])
 
 
 def tie_margin(s: Screening, best: CandidateFit, other: CandidateFit) -> float:

@@ -297,7 +297,7 @@ def score_tests(
             kappa[q] = max(kappa[q], fit.inflation)
         else:
             m = len(centred)
-            kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
+            kappa[q] = max(float(Sn.sum()) / rank * m / (m - 1), 1.0)
         x[q] = minus_2_log_p(S / kappa[q], rank)[0]
     if null is not None:
         largest = x_null.max(axis=1)

@@ -3,15 +3,15 @@
 The noise model gives the information matrix H = Σ w ∂c ∂cᵀ over the readings. ∂c is the gradient of
 a predicted reading with respect to the parameters, and w the Fisher information of that reading. Λ
 is the prior's precision. The score is the log-likelihood's gradient. Let s_b be its sum over block
-b of half a second. The actual scatter of the scores is B = Σ_b s_b s_bᵀ. With n parameters and m
-blocks
+b of half a second. The actual scatter of the scores is B = Σ_b s_b s_bᵀ. With m blocks
 
-    κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
+    κ = max(1, tr((H + Λ)⁻¹ B)/tr((H + Λ)⁻¹ H) · m/(m − 1))      cov = κ (H + Λ)⁻¹
 
-κ widens the intervals if the scores scatter more than the noise model allows. A single number κ
-replaces the full sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is uncertain by
-10 to 20 %, their average only by 2 to 5 %. κ is at least 1, because blocks of half a second miss
-the scatter from slow drifts.
+The last factor is there because the scores' sum is zero at the optimum. κ widens the intervals if
+the scores scatter more than the noise model allows. A single number κ replaces the full sandwich
+H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is uncertain by 10 to 20 %, their average
+only by 2 to 5 %. κ is at least 1, because blocks of half a second miss the scatter from slow
+drifts.
 
 The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
 Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its
@@ -69,7 +69,8 @@ class Estimate(PhysicalFit):
         """Return κ ≥ 1, by which the covariance of the estimates is multiplied.
 
         κ is the ratio of two variances of the score (the log-likelihood's gradient): the one
-        observed between blocks of the flight, and the one that the noise model expects.
+        observed between blocks of the flight, and the one that the noise model expects. A flight
+        with fewer than 2 n + 2 blocks has κ = 1.
         """
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
@@ -77,8 +78,8 @@ class Estimate(PhysicalFit):
         if m < 2 * n + 2:
             return 1.0
         A = o.information + np.diag(self.problem.prior_precision)
-        trace = float(np.trace(np.linalg.solve(A, scores.T @ scores)))
-        return max(trace / n * m / (m - n), 1.0)
+        observed, expected = np.linalg.solve(A, [scores.T @ scores, o.information])
+        return max(float(np.trace(observed) / np.trace(expected)) * m / (m - 1), 1.0)
 
     @property
     def score_bias(self) -> np.ndarray:

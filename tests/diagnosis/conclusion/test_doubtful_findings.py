@@ -55,6 +55,12 @@ def test_one_recording_is_enough_if_none_contradicts() -> None:
     assert not confirmed([(1.0, 0.8), (1.9, 1.4)])
 
 
+def test_noise_confirms_no_cause_however_many_recordings_there_are() -> None:
+    noise = np.random.default_rng(1).normal(size=(2000, 10))
+    share = np.mean([confirmed([(d, 1.0) for d in flights]) for flights in noise])
+    assert share < 0.06
+
+
 def test_two_different_sizes_are_not_one_cause() -> None:
     """2.83 and 3.2 standard deviations (√2 · 0.3) apart; the limit is 3."""
     assert confirmed([(2.2, 0.3), (1.0, 0.3)])

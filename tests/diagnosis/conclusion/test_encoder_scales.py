@@ -36,7 +36,7 @@ def numbers(roll: float = 1.0, pitch: float = 1.0, yaw: float = 1.0) -> list[Bas
 
 
 def off(name: str, ratio: float) -> OffNominal:
-    return OffNominal(term(name), ratio, 0.02, 100.0)
+    return OffNominal(term(name), ratio, 0.02, 100.0, 1.0)
 
 
 def finding(name: str, value: float) -> Finding:

@@ -93,7 +93,7 @@ def scaled_base(share: float, v: float, Z: float) -> Any:
     return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=np.array([Z])))
 
 
-LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)
+LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0, 1.0)
 
 
 def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base() -> None:
@@ -119,7 +119,7 @@ def test_otherwise_a_thrust_gain_is_not_confounded(share: float, v: float, Z: fl
 def test_an_inertia_is_confounded_with_other_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     drag = SimpleNamespace(term=term("drag.quadratic.roll"))
     monkeypatch.setattr(inertia_ties, "instead_of_inertia", lambda step: [drag])
-    off = OffNominal(term("inertia.roll"), 1.4, 0.03, 200.0)
+    off = OffNominal(term("inertia.roll"), 1.4, 0.03, 200.0, 1.0)
     (roll,) = with_confounded_causes([off], step(0.1, 0.01, 0.0))
     assert roll.tied_with == ("motor.thrust_curve", "drag.quadratic.roll")
 

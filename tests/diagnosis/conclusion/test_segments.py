@@ -79,4 +79,4 @@ def test_the_cells_add_up_to_the_whole_likelihood() -> None:
     one = CandidateFit(term(NAMES[0]), base.problem, base.optimum, 0.0, 0.0, None)
     by_cell = log_likelihood_cells(one)
     assert by_cell.sum() == pytest.approx(float(base.optimum.at.loglik.sum()), rel=1e-9)
-    assert len(by_cell) == -(-len(base.problem.data.t) // 250)  # half seconds at 500 Hz
+    assert len(by_cell) == -(-len(base.problem.data.t) // 1000)  # 2 s at 500 Hz

@@ -101,7 +101,7 @@ def test_a_base_parameter_must_predict_better_than_the_profile_s_value(
     r = flown("rich", 30.0, device=url, seed=1160)
     problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
     fit = CorrectedFit(problem, estimate(problem).optimum)
-    found = [OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0)]
+    found = [OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0, 1.0)]
     left = confirmed(found, fit, held_out(fit, []), [], seed=0)
     assert [p.term.name for p in left] == names
 

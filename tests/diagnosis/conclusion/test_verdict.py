@@ -31,7 +31,7 @@ from heli3dof.rig.profile import default_profile
 
 
 def off(*tied: str) -> OffNominal:
-    return OffNominal(terms(["inertia.roll"])[0], 1.4, 0.03, 60.0, tied_with=tied)
+    return OffNominal(terms(["inertia.roll"])[0], 1.4, 0.03, 60.0, 1.0, tied_with=tied)
 
 
 def finding(*tied: str) -> Any:
@@ -239,7 +239,7 @@ def test_a_named_cause_is_identifiable() -> None:
     none = cast(Any, None)
     drag = Choice(term("drag.quadratic.roll"), 1144.0, 175.0, 1.0, ("friction.viscous.roll",), ())
     causes = [
-        Finding(drag, {}, none, none), OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0),
+        Finding(drag, {}, none, none), OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0, 1.0),
     ]  # fmt: skip
     names = ["drag.quadratic.roll", "friction.viscous.roll", "inertia.pitch", "encoder.scale.yaw"]
     assert without_causes(names, causes) == ("friction.viscous.roll", "encoder.scale.yaw")
