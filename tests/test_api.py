@@ -115,6 +115,21 @@ def test_a_flight_with_too_little_excitation_gives_a_model_with_warnings() -> No
     assert any("heli3dof run multisine" in w and "roll" in w for w in identified.warnings)
 
 
+@pytest.fixture(scope="module")
+def short() -> h3.Recording:
+    """The first 12 s of a multisine."""
+    return h3.fly_plan(first_part("multisine", 12.0), device="mock:?speed=max&seed=1").recording
+
+
+def test_training_data_is_refused_as_hold_out_data(short: h3.Recording) -> None:
+    with pytest.raises(h3.UsageError, match="cannot be used as hold-out data"):
+        h3.identify(short, holdout=short, method="pem", order=6)
+    with pytest.raises(h3.UsageError, match="cannot be used as hold-out data"):
+        h3.diagnose(short, holdout=[short], quick=True)
+    with pytest.raises(h3.UsageError, match="given twice"):
+        h3.identify([short, short], method="pem", order=6)
+
+
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeDriver:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

@@ -67,7 +67,7 @@ def identify(
     verbose: Verbose = False,
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
-    from heli3dof.cli.inputs import check_distinct, check_same_rig, load_all
+    from heli3dof.cli.inputs import check_same_rig, load_all
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
@@ -78,7 +78,6 @@ def identify(
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
-    check_distinct(train, test)
     check_same_rig([*train, *test])
     with stages(out) as stage:
         result = identify(

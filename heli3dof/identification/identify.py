@@ -22,6 +22,7 @@ from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
+from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.provenance import profile_file, run_command
 from heli3dof.recording.recording import Recording
@@ -76,7 +77,7 @@ def identify(
         progress: receives progress messages.
 
     Raises:
-        UsageError: an unknown method or an impossible order.
+        UsageError: an unknown method, an impossible order, or samples that are given twice.
         RecordingError: recordings that cannot be used for a fit; names the recording and why.
     """
     about = known_method(method)
@@ -98,10 +99,12 @@ def identify(
             cause="the option belongs to the grey box.",
             fix="--method greybox --terms …, or leave --terms out",
         )
+    train, test = _several(recordings), _several(holdout)
+    check_distinct(train, test)
     clock = StageClock(progress)
     clock.start("preparation", "Selecting the rows to fit …")
-    whole, partial = _by_angles(_several(recordings), split=about.physical)
-    prepared = prepare(whole, held_out=_several(holdout))
+    whole, partial = _by_angles(train, split=about.physical)
+    prepared = prepare(whole, held_out=test)
     near = segments(prepared, prepared.train, max(1, round(FEEDBACK_TEST_S / prepared.dt)))
     feedback = feedback_test(near)
     request = Request(
