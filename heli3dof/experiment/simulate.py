@@ -9,7 +9,6 @@ import numpy as np
 from heli3dof.experiment.plan import Plan, checked
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.model.control.stability import check_loop
-from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.profile import Profile, default_profile
@@ -28,16 +27,14 @@ def simulate(
 ) -> Recording:
     """Fly a plan in closed loop on a model and return the recording.
 
-    ``profile``: None for the profile of a grey-box model, for other models that of the paper's rig.
+    ``profile``: None for the model's own profile, or that of the paper's rig if the model has none.
     A profile without a controller gets the default one.
     ``start``: ``rest`` (on the table, at the profile's rest angles) or ``level``. ``seed``: seed of
     the plan's random signals. ``quantised``: controller and recording get angles rounded to whole
     encoder counts. Raises PlanError, or UnstableLoop if the controller does not stabilise the
     model.
     """
-    if profile is None:
-        profile = model.profile if isinstance(model, GreyBoxModel) else default_profile()
-    profile = profile.with_controller()
+    profile = (profile or model.profile or default_profile()).with_controller()
     controller = profile.controller
     assert controller is not None
     signals = checked(plan, profile, seed)

@@ -245,7 +245,7 @@ def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model
         ],
         "poles": [p.to_json() for p in found.poles],
     }
-    return replace(model, extra=extra)
+    return replace(model, extra=extra, profile=prepared.recordings[0].profile)
 
 
 def _by_angles(

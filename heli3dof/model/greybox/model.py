@@ -20,13 +20,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from heli3dof.arrays import ComplexArray, FloatArray
-from heli3dof.errors import ProfileError, UsageError
+from heli3dof.errors import UsageError
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.effects import PlugIn, broken, plug_ins, term, terms
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import ControllerSpec, Profile, profile_from_dict
+from heli3dof.rig.profile import ControllerSpec, Profile, recorded_profile
 
 if TYPE_CHECKING:
     import control
@@ -166,18 +166,12 @@ class GreyBoxModel:
         """
         names = tuple(str(t) for t in data["terms"])
         _check_terms(names, data.get("plug_ins", {}))
-        try:
-            profile = profile_from_dict(
-                data["profile"], source="the model's profile", recorded=True
-            )
-        except ProfileError as error:
-            raise ValueError(error.what) from error
         values = np.array([p["value"] for p in data["parameters"]], dtype=float)
         n = len(values)
         model = cls(
             name=str(data["name"]),
             kind=str(data["kind"]),
-            profile=profile,
+            profile=recorded_profile(data["profile"]),
             terms=names,
             values=values,
             noise=np.array(data["acceleration_noise_rad_per_s2_per_sqrtHz"], dtype=float),
