@@ -80,14 +80,16 @@ class Recording(Result):
                 )
 
     def summary(self) -> str:
-        """Return three lines of text: the recording's size, its axes, the names of its channels."""
+        """Return three lines of text: the recording's size and outcome, axes, channels."""
         rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
+        outcome = self.meta.get("outcome", "completed")
+        ended = "" if outcome == "completed" else f"; the flight's outcome: {outcome}"
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.controller_is_known else ", controller unknown"
         names = sorted(self.channels)
         more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return (
-            f"Recording {self.name!r}: {len(self)} samples, {rate}\n"
+            f"Recording {self.name!r}: {len(self)} samples, {rate}{ended}\n"
             f"  axes: {', '.join(self.axes) or 'none'}; references: "
             f"{', '.join(references) or 'none'}; profile: {self.profile.name}{known}\n"
             f"  channels: {', '.join(names[:LISTED]) or 'none'}{more}"
