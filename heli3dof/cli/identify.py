@@ -68,7 +68,6 @@ def identify(
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
     from heli3dof.cli.inputs import check_same_rig, load_all
-    from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
@@ -84,7 +83,7 @@ def identify(
             train,
             method=method,
             order=order,
-            terms=None if terms is None else chosen_terms(terms),
+            terms=terms,
             holdout=test or None,
             name=name,
             progress=stage,

@@ -52,7 +52,7 @@ def identify(
     *,
     method: str = "greybox",
     order: int | None = None,
-    terms: Sequence[str] | None = None,
+    terms: str | Sequence[str] | None = None,
     holdout: Recording | Sequence[Recording] | None = None,
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str | None = None,
@@ -69,7 +69,8 @@ def identify(
         order: number of states of a black box; None starts an order search
             (`heli3dof.identification.black_box.order_selection`).
         terms: names of the effects of a physical model, such as ``motor.lag`` or
-            ``friction.viscous.yaw``; None takes the method's default.
+            ``friction.viscous.yaw``; None takes the method's default. As with ``--terms``, names
+            with ``+`` and ``-`` change the default instead: ``["+drag.quadratic.yaw"]``.
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
         intervals_s: sampling intervals (s) that the order search tries, each rounded to a multiple
             of the control period.
@@ -99,6 +100,11 @@ def identify(
             cause="the option belongs to the grey box.",
             fix="--method greybox --terms …, or leave --terms out",
         )
+    chosen = None
+    if terms is not None:
+        from heli3dof.identification.greybox.method import chosen_terms  # imports numba
+
+        chosen = chosen_terms(terms)
     train, test = _several(recordings), _several(holdout)
     check_distinct(train, test)
     clock = StageClock(progress)
@@ -112,7 +118,7 @@ def identify(
         order,
         tuple(intervals_s),
         name or method,
-        None if terms is None else tuple(terms),
+        chosen,
         tuple(partial),
     )
     clock.start("fit", "Fitting the model …")
