@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
+from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.experiment.plan import Plan, checked
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.model.control.stability import check_loop
@@ -31,9 +32,15 @@ def simulate(
     A profile without a controller gets the default one.
     ``start``: ``rest`` (on the table, at the profile's rest angles) or ``level``. ``seed``: seed of
     the plan's random signals. ``quantised``: controller and recording get angles rounded to whole
-    encoder counts. Raises PlanError, or UnstableLoop if the controller does not stabilise the
-    model.
+    encoder counts. Raises UsageError for another ``start``, PlanError, or UnstableLoop if the
+    controller does not stabilise the model.
     """
+    if start not in get_args(Start):
+        raise UsageError(
+            f"There is no start {start!r}.",
+            cause=f"a typing error; {did_you_mean(str(start), get_args(Start))}",
+            fix="start='rest' (on the table), or start='level'",
+        )
     profile = (profile or model.profile or default_profile()).with_controller()
     controller = profile.controller
     assert controller is not None

@@ -143,6 +143,13 @@ class Recording(Result):
         return tuple(a for i, a in enumerate(AXES) if not np.isnan(self.angle[:, i]).all())
 
     def has_reference(self, axis: str) -> bool:
+        """Return True if the reference of ``axis`` was logged; raise UsageError for no axis."""
+        if axis not in AXES:
+            raise UsageError(
+                f"There is no axis {axis!r}.",
+                cause="the paper calls roll elevation, pitch tilt and yaw travel.",
+                fix=f"one of {', '.join(AXES)}",
+            )
         return not bool(np.isnan(self.reference[:, AXES.index(axis)]).all())
 
     @property

@@ -124,6 +124,12 @@ class GreyBoxModel:
         from heli3dof.model.discretisation import to_control
         from heli3dof.model.greybox.linearisation import linear
 
+        if dt is not None and not 0 < dt < np.inf:
+            raise UsageError(
+                f"dt is {dt}; it must be positive.",
+                cause="a wrong sign, or 0 for continuous time.",
+                fix="dt in seconds, above 0; or in_continuous_time=True",
+            )
         model, states = linear(self, self.profile.dt if dt is None else dt)
         return to_control(model, in_continuous_time=in_continuous_time, states=states)
 
