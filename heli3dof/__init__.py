@@ -11,9 +11,12 @@ Everything the command line does can be done from Python::
     )
     document = h3.diagnosis_document(h3.diagnose(flight.recording))
 
-Arrays are in SI units (s, V, rad), with columns (roll, pitch, yaw) and (front, back). Every error
-is a `Heli3dofError`. ``__init__.pyi`` lists the public names. Each is imported when it is first
-used, so that importing the package is quick.
+A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
+or model's name. In place of a list of one, it takes the one. Arrays are in SI units (s, V, rad),
+with columns (roll, pitch, yaw) and (front, back). Every error is a `Heli3dofError`.
+
+``__init__.pyi`` lists the public names. Each is imported when it is first used, so that importing
+the package is quick.
 """
 
 from __future__ import annotations
@@ -28,8 +31,14 @@ def __getattr__(name: str) -> Any:
     if name.startswith("_") or name not in _modules():
         raise AttributeError(f"module 'heli3dof' has no attribute {name!r}")
     from importlib import import_module
+    from inspect import isfunction
 
-    globals()[name] = value = getattr(import_module(f"heli3dof.{_modules()[name]}"), name)
+    value = getattr(import_module(f"heli3dof.{_modules()[name]}"), name)
+    if isfunction(value):
+        from heli3dof.arguments import converted
+
+        value = converted(value)
+    globals()[name] = value
     return value
 
 

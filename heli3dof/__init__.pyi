@@ -43,11 +43,11 @@ from .paper.models import load_model as load_model
 from .recording.info import file_info as file_info
 from .recording.load import load as load
 from .recording.logs.export import export as export
+from .recording.logs.from_arrays import make_recording as make_recording
 from .recording.logs.import_log import import_log as import_log
 from .recording.mcap_files.reader import read_recording as read_recording
 from .recording.mcap_files.recover import recover as recover
 from .recording.recording import Recording as Recording
-from .recording.recording import make_recording as make_recording
 from .recording.write import write_recording as write_recording
 from .report.figures.comparison import comparison_figures as comparison_figures
 from .report.figures.flight import flight_figure as flight_figure

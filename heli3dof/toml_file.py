@@ -103,6 +103,14 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise UsageError(
+            f"{name} of a {type(self).__name__} cannot be set: profiles and plans are immutable.",
+            cause="a changed copy is needed instead.",
+            fix="data = profile.to_dict(); change data; heli3dof.profile_from_dict(data) "
+            "(plans: plan_from_dict)",
+        )
+
 
 def section_of(field: FieldInfo) -> type[Section] | None:
     """Return the `Section` subclass S of a field of type S or ``S | None``; else None."""

@@ -115,6 +115,37 @@ def test_a_flight_with_too_little_excitation_gives_a_model_with_warnings() -> No
     assert any("heli3dof run multisine" in w and "roll" in w for w in identified.warnings)
 
 
+@pytest.fixture(scope="module")
+def short() -> h3.Recording:
+    """The first 12 s of a multisine."""
+    return h3.fly_plan(first_part("multisine", 12.0), device="mock:?speed=max&seed=1").recording
+
+
+def test_training_data_is_refused_as_hold_out_data(short: h3.Recording) -> None:
+    with pytest.raises(h3.UsageError, match="cannot be used as hold-out data"):
+        h3.identify(short, holdout=short, method="pem", order=6)
+    with pytest.raises(h3.UsageError, match="cannot be used as hold-out data"):
+        h3.diagnose(short, holdout=[short], quick=True)
+    with pytest.raises(h3.UsageError, match="given twice"):
+        h3.identify([short, short], method="pem", order=6)
+
+
+def test_a_linear_model_is_simulated_with_the_profile_of_its_rig(tmp_path: Path) -> None:
+    data = h3.default_profile().to_dict()
+    data["mass"]["m_w"], data["motor"]["V_o"] = 1.7, 9.0
+    rig = h3.profile_from_dict(data)
+    plan = h3.step_plan(roll=10, settle_s=1.0, duration_s=5.0)
+    model = h3.hover_model(rig)
+    expected = h3.simulate(plan, model, profile=rig)
+    h3.save_model(model, tmp_path / "hover.json")
+    for same in (model, h3.load_model(tmp_path / "hover.json"), h3.load_model("hover", rig)):
+        assert h3.simulate(plan, same).digest == expected.digest
+    flight = h3.fly_plan(
+        first_part("multisine", 30.0), device="mock:?speed=max&seed=1", profile=rig
+    ).recording
+    assert h3.identify(flight, method="pem", order=6).model.profile == flight.profile
+
+
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeDriver:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

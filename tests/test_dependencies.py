@@ -14,6 +14,7 @@ ROOT = Path(__file__).parent.parent
 MAY_IMPORT = {
     "errors": set(),
     "write_errors": {"errors"},
+    "arguments": {"errors", "rig", "recording", "model", "experiment", "paper"},
     "axes": set(),
     "arrays": set(),
     "toml_file": {"errors"},

@@ -187,16 +187,14 @@ def _identify(job: Job) -> Document:
     ``nominal_hover_voltage_V`` is the hover voltage in the profile, ``hover_voltage_V`` the
     model's (``value`` and ``std``; null for a black box, or if no voltage holds the arm level).
     """
-    from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
 
-    terms = job.options.get("terms")
     result = identify(
         job.recording,
         method=job.options.get("method", "greybox"),
         order=job.options.get("order"),
-        terms=None if terms is None else chosen_terms(terms),
+        terms=job.options.get("terms"),
     )
     path = save_model(result.model, job.output("models", ".json"))
     faults = bad_data(f.to_dict() for f in integrity(job.recording))

@@ -67,8 +67,7 @@ def identify(
     verbose: Verbose = False,
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
-    from heli3dof.cli.inputs import check_distinct, check_same_rig, load_all
-    from heli3dof.identification.greybox.method import chosen_terms
+    from heli3dof.cli.inputs import check_same_rig, load_all
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
@@ -78,14 +77,13 @@ def identify(
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
-    check_distinct(train, test)
     check_same_rig([*train, *test])
     with stages(out) as stage:
         result = identify(
             train,
             method=method,
             order=order,
-            terms=None if terms is None else chosen_terms(terms),
+            terms=terms,
             holdout=test or None,
             name=name,
             progress=stage,

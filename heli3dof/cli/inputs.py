@@ -48,30 +48,6 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
     return loaded
 
 
-def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
-    """Raise UsageError if two recordings contain the same samples, whatever their names.
-
-    Samples that are twice in ``train`` would count twice. Samples in both ``train`` and ``holdout``
-    would not be held out. Two equal recordings in ``holdout`` are allowed.
-    """
-    names = {r.digest: r.name for r in train}
-    for r in holdout:
-        if r.digest in names:
-            raise UsageError(
-                f"{r.name} contains the same samples as training recording {names[r.digest]}, so "
-                "it cannot be used as hold-out data.",
-                cause="the same file, or a copy of it, is also given before --holdout.",
-                fix="hold out another flight (heli3dof run rich --seed 2 makes one), or omit "
-                "--holdout: the gain is then cross-validated",
-            )
-    if len(names) < len(train):
-        raise UsageError(
-            f"The same samples are given twice among {', '.join(r.name for r in train)}.",
-            cause="a file was named twice, or one is a copy of another.",
-            fix="name every flight once",
-        )
-
-
 def check_same_rig(recordings: Sequence[Recording]) -> None:
     """Raise UsageError if the recordings' profiles describe different rigs.
 

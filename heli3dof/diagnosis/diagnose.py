@@ -52,6 +52,7 @@ from heli3dof.integrity import Kind, integrity
 from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
+from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress, StageClock
@@ -90,7 +91,8 @@ def diagnose(
     reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
     ``progress`` receives progress messages.
 
-    Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown.
+    Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown or two
+    recordings contain the same samples.
     """
     if base not in BASES:
         raise UsageError(
@@ -100,6 +102,7 @@ def diagnose(
         )
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
+    check_distinct(train, held)
     clock = StageClock(progress)
     with report_progress(clock.counts):
         return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)

@@ -22,7 +22,7 @@ from pydantic import Field
 
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
-from heli3dof.errors import PlanError, did_you_mean
+from heli3dof.errors import PlanError, UsageError, did_you_mean
 from heli3dof.experiment.segments import BaseSegment, Clock, kinds
 from heli3dof.rig.profile import Profile
 from heli3dof.toml_file import Key, Section, check, read_toml
@@ -211,18 +211,22 @@ def step_plan(
     """Make a plan: hold level for ``settle_s`` (0: no hold), then step to these angles in degrees.
 
     ``duration_s``: duration of the step in s. ``step_plan(roll=10)`` and ``step_plan((10, None,
-    None))`` are the same plan. The reference of an axis without an angle stays 0. Raises ValueError
-    for an axis with two angles.
+    None))`` are the same plan. The reference of an axis without an angle stays 0. Raises UsageError
+    for an axis with two angles, PlanError for a wrong time or angle.
     """
     given: dict[str, float] = {}
     for axis, first, second in zip(AXES, target_deg, (roll, pitch, yaw), strict=True):
         if first is not None and second is not None:
-            raise ValueError(f"two angles for {axis}: {first:g}° and {second:g}°")
+            raise UsageError(
+                f"step_plan got two angles for {axis}: {first:g}° and {second:g}°.",
+                cause="the axis is in target_deg and also named.",
+                fix=f"one of them: step_plan({axis}={second:g})",
+            )
         value = second if first is None else first
         if value is not None:
             given[f"{axis}_deg"] = float(value)
     segments: list[dict[str, Any]] = []
-    if settle_s > 0:
+    if settle_s != 0:
         segments.append({"kind": "hold", "duration_s": float(settle_s)})
     segments.append({"kind": "step", "duration_s": float(duration_s), **given})
     name = "-".join(["step", *(f"{k.removesuffix('_deg')}-{v:g}" for k, v in given.items())])

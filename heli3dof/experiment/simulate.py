@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
+from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.experiment.plan import Plan, checked
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.model.control.stability import check_loop
-from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.profile import Profile, default_profile
@@ -28,16 +28,20 @@ def simulate(
 ) -> Recording:
     """Fly a plan in closed loop on a model and return the recording.
 
-    ``profile``: None for the profile of a grey-box model, for other models that of the paper's rig.
+    ``profile``: None for the model's own profile, or that of the paper's rig if the model has none.
     A profile without a controller gets the default one.
     ``start``: ``rest`` (on the table, at the profile's rest angles) or ``level``. ``seed``: seed of
     the plan's random signals. ``quantised``: controller and recording get angles rounded to whole
-    encoder counts. Raises PlanError, or UnstableLoop if the controller does not stabilise the
-    model.
+    encoder counts. Raises UsageError for another ``start``, PlanError, or UnstableLoop if the
+    controller does not stabilise the model.
     """
-    if profile is None:
-        profile = model.profile if isinstance(model, GreyBoxModel) else default_profile()
-    profile = profile.with_controller()
+    if start not in get_args(Start):
+        raise UsageError(
+            f"There is no start {start!r}.",
+            cause=f"a typing error; {did_you_mean(str(start), get_args(Start))}",
+            fix="start='rest' (on the table), or start='level'",
+        )
+    profile = (profile or model.profile or default_profile()).with_controller()
     controller = profile.controller
     assert controller is not None
     signals = checked(plan, profile, seed)

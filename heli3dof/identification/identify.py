@@ -22,6 +22,7 @@ from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
+from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.provenance import profile_file, run_command
 from heli3dof.recording.recording import Recording
@@ -51,7 +52,7 @@ def identify(
     *,
     method: str = "greybox",
     order: int | None = None,
-    terms: Sequence[str] | None = None,
+    terms: str | Sequence[str] | None = None,
     holdout: Recording | Sequence[Recording] | None = None,
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str | None = None,
@@ -68,7 +69,8 @@ def identify(
         order: number of states of a black box; None starts an order search
             (`heli3dof.identification.black_box.order_selection`).
         terms: names of the effects of a physical model, such as ``motor.lag`` or
-            ``friction.viscous.yaw``; None takes the method's default.
+            ``friction.viscous.yaw``; None takes the method's default. As with ``--terms``, names
+            with ``+`` and ``-`` change the default instead: ``["+drag.quadratic.yaw"]``.
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
         intervals_s: sampling intervals (s) that the order search tries, each rounded to a multiple
             of the control period.
@@ -76,7 +78,7 @@ def identify(
         progress: receives progress messages.
 
     Raises:
-        UsageError: an unknown method or an impossible order.
+        UsageError: an unknown method, an impossible order, or samples that are given twice.
         RecordingError: recordings that cannot be used for a fit; names the recording and why.
     """
     about = known_method(method)
@@ -98,10 +100,17 @@ def identify(
             cause="the option belongs to the grey box.",
             fix="--method greybox --terms …, or leave --terms out",
         )
+    chosen = None
+    if terms is not None:
+        from heli3dof.identification.greybox.method import chosen_terms  # imports numba
+
+        chosen = chosen_terms(terms)
+    train, test = _several(recordings), _several(holdout)
+    check_distinct(train, test)
     clock = StageClock(progress)
     clock.start("preparation", "Selecting the rows to fit …")
-    whole, partial = _by_angles(_several(recordings), split=about.physical)
-    prepared = prepare(whole, held_out=_several(holdout))
+    whole, partial = _by_angles(train, split=about.physical)
+    prepared = prepare(whole, held_out=test)
     near = segments(prepared, prepared.train, max(1, round(FEEDBACK_TEST_S / prepared.dt)))
     feedback = feedback_test(near)
     request = Request(
@@ -109,7 +118,7 @@ def identify(
         order,
         tuple(intervals_s),
         name or method,
-        None if terms is None else tuple(terms),
+        chosen,
         tuple(partial),
     )
     clock.start("fit", "Fitting the model …")
@@ -242,7 +251,7 @@ def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model
         ],
         "poles": [p.to_json() for p in found.poles],
     }
-    return replace(model, extra=extra)
+    return replace(model, extra=extra, profile=prepared.recordings[0].profile)
 
 
 def _by_angles(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import ControllerSpec, Limits
+from heli3dof.rig.profile import ControllerSpec, Limits, Profile
 
 if TYPE_CHECKING:
     import control
@@ -75,6 +75,11 @@ class Model(Protocol):
     @property
     def kind(self) -> str:
         """Return the kind of model as a word, such as ``hover``, ``tf4``, ``oe``, ``greybox``."""
+        ...
+
+    @property
+    def profile(self) -> Profile | None:
+        """Return the profile of the rig that the model describes; None if it is unknown."""
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:

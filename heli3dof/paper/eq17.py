@@ -87,4 +87,5 @@ def paper17_model(profile: Profile, *, corrected: bool = False) -> LinearModel:
             "T11_s3": T11_CORRECTED if corrected else 52.0,
         },
         exact_hold=True,
+        profile=profile,
     )

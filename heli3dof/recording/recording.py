@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
+from heli3dof.errors import UsageError
 from heli3dof.recording.columns import export_columns, unit_of
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
@@ -59,28 +60,36 @@ class Recording(Result):
     """Controller identified from this recording, instead of the profile's; never stored."""
 
     def __post_init__(self) -> None:
-        n = self.t.shape[0]
+        n = self.t.size
         shapes = {
+            "t": (n,),
             "voltage": (n, 2),
             "angle": (n, 3),
             "reference": (n, 3),
             "voltage_cmd": (n, 2),
             "voltage_extra": (n, 2),
         }
-        for name, shape in shapes.items():
-            got = getattr(self, name).shape
+        checked = [(name, getattr(self, name).shape, shape) for name, shape in shapes.items()]
+        checked += [(f"channels[{k!r}]", np.shape(v), (n,)) for k, v in self.channels.items()]
+        for name, got, shape in checked:
             if got != shape:
-                raise ValueError(f"Recording.{name} has shape {got}, not {shape}")
+                raise UsageError(
+                    f"{name} has the shape {got}, not {shape}.",
+                    cause="a transposed array, or signals of different lengths.",
+                    fix="pass arrays with one row per sample",
+                )
 
     def summary(self) -> str:
-        """Return three lines of text: the recording's size, its axes, the names of its channels."""
+        """Return three lines of text: the recording's size and outcome, axes, channels."""
         rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
+        outcome = self.meta.get("outcome", "completed")
+        ended = "" if outcome == "completed" else f"; the flight's outcome: {outcome}"
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.controller_is_known else ", controller unknown"
         names = sorted(self.channels)
         more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return (
-            f"Recording {self.name!r}: {len(self)} samples, {rate}\n"
+            f"Recording {self.name!r}: {len(self)} samples, {rate}{ended}\n"
             f"  axes: {', '.join(self.axes) or 'none'}; references: "
             f"{', '.join(references) or 'none'}; profile: {self.profile.name}{known}\n"
             f"  channels: {', '.join(names[:LISTED]) or 'none'}{more}"
@@ -134,6 +143,13 @@ class Recording(Result):
         return tuple(a for i, a in enumerate(AXES) if not np.isnan(self.angle[:, i]).all())
 
     def has_reference(self, axis: str) -> bool:
+        """Return True if the reference of ``axis`` was logged; raise UsageError for no axis."""
+        if axis not in AXES:
+            raise UsageError(
+                f"There is no axis {axis!r}.",
+                cause="the paper calls roll elevation, pitch tilt and yaw travel.",
+                fix=f"one of {', '.join(AXES)}",
+            )
         return not bool(np.isnan(self.reference[:, AXES.index(axis)]).all())
 
     @property
@@ -211,23 +227,40 @@ def make_recording(
 ) -> Recording:
     """Return a `Recording` made of arrays; omitted references and voltages become columns of NaN.
 
+    Only shapes are checked; `heli3dof.recording.logs.from_arrays` also checks the values.
+
     ``t`` (N,) in s; voltages (N, 2) in V, front and back; ``angle``, ``reference`` (N, 3) in rad,
     roll, pitch and yaw; ``channels``: further signals, name → (N,). ``voltage_cmd``: before the
     limiter; ``voltage_extra``: added by the experiment.
     """
-    times = np.asarray(t, dtype=float)
+    times = _floats("t", t)
+    n = len(times) if times.ndim else 0
 
-    def fill(a: ArrayLike | None, columns: int) -> FloatArray:
-        return np.full((len(times), columns), np.nan) if a is None else np.asarray(a, dtype=float)
+    def fill(name: str, a: ArrayLike | None, columns: int) -> FloatArray:
+        return np.full((n, columns), np.nan) if a is None else _floats(name, a)
 
     return Recording(
         t=times,
-        voltage=np.asarray(voltage, dtype=float),
-        angle=np.asarray(angle, dtype=float),
-        reference=fill(reference, 3),
-        voltage_cmd=fill(voltage_cmd, 2),
-        voltage_extra=fill(voltage_extra, 2),
+        voltage=_floats("voltage", voltage),
+        angle=_floats("angle", angle),
+        reference=fill("reference", reference, 3),
+        voltage_cmd=fill("voltage_cmd", voltage_cmd, 2),
+        voltage_extra=fill("voltage_extra", voltage_extra, 2),
         profile=profile,
-        channels=dict(channels or {}),
+        channels={name: np.asarray(signal) for name, signal in (channels or {}).items()},
         meta=dict(meta or {}),
     )
+
+
+def _floats(name: str, values: ArrayLike) -> FloatArray:
+    """Return ``values`` as an array of floats; raise UsageError, which names the argument."""
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex numbers")
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            f"{name} is not an array of real numbers: {error}.",
+            cause="text, complex numbers, or rows of different lengths.",
+            fix="pass arrays with one row per sample",
+        ) from None

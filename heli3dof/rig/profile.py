@@ -470,6 +470,14 @@ def profile_from_dict(
     return check(Profile, data, source, ProfileError, recorded=recorded)
 
 
+def recorded_profile(data: Mapping[str, Any]) -> Profile:
+    """Return the profile in a model file's key ``profile``; raise ValueError for a wrong one."""
+    try:
+        return profile_from_dict(data, source="the model's profile", recorded=True)
+    except ProfileError as error:
+        raise ValueError(error.what) from error
+
+
 TABLE_I: Mapping[str, Any] = {
     "name": "table-1",
     "geometry": {"L_w": 0.4699, "L_a": 0.6604, "L_h": 0.1778},

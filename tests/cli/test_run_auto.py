@@ -93,6 +93,17 @@ def test_run_auto_flies_the_recommended_plans_until_settled(
     assert "2-short" in page
 
 
+def test_run_auto_ends_if_the_emulated_rig_repeats_a_flight(
+    plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = answering(monkeypatch, whole, [str(plans)] * 9, plans)
+    result = heli3dof("run", plans, "--auto", "--device", f"{LEVEL}&seed=1", "-o", "auto", "--json")
+    assert result.code == 0, result.err
+    assert seen == [1]
+    assert "fixed seed" in result.document["ended"]
+    assert len(result.document["flights"]) == 1
+
+
 def test_run_auto_stops_before_the_budget_is_exceeded(
     plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:

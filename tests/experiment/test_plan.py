@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.errors import PlanError
+from heli3dof.errors import PlanError, UsageError
 from heli3dof.experiment.plan import (
     checked,
     load_plan,
@@ -38,7 +38,7 @@ def test_a_step_holds_zero_then_the_target() -> None:
 def test_a_step_takes_angles_by_name_or_in_a_row() -> None:
     assert step_plan(roll=10, yaw=-5.0) == step_plan((10, None, -5))
     assert step_plan(pitch=2, settle_s=0).segments[0].pitch_deg == 2.0
-    with pytest.raises(ValueError, match="two angles for roll"):
+    with pytest.raises(UsageError, match="two angles for roll"):
         step_plan((10, None, None), roll=5)
 
 

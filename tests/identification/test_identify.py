@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from heli3dof import stage_clock
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.identification import identify as module
 from heli3dof.identification.feedback import Feedback
+from heli3dof.identification.fit_result import FitResult, Request
+from heli3dof.identification.greybox.method import DEFAULT_TERMS
 from heli3dof.identification.identify import Identification, poor_prediction_warnings
 from heli3dof.identification.identify import identify as identify_any
 from heli3dof.identification.result import SUMMARY_HORIZON_S
@@ -55,6 +60,30 @@ def test_the_rotor_lag_and_both_pendula_are_among_the_poles(found: Identificatio
         assert abs(near.value.imag - truth.imag) < 4 * near.std_imag
     lag = [p for p in found.poles if -16 < p.value.real < -6]
     assert len(lag) >= 2
+
+
+@pytest.mark.parametrize(
+    ("terms", "chosen"),
+    [
+        (None, None),
+        ((), ()),
+        (["motor.lag"], ("motor.lag",)),
+        (["+friction.coulomb.yaw"], (*DEFAULT_TERMS, "friction.coulomb.yaw")),
+        ("+friction.coulomb.yaw,-bias.torque.yaw", (*DEFAULT_TERMS[:-1], "friction.coulomb.yaw")),
+    ],
+)
+def test_terms_are_read_as_on_the_command_line(
+    flights: tuple[Recording, list[Recording]], monkeypatch: pytest.MonkeyPatch, terms: Any,
+    chosen: Any,
+) -> None:  # fmt: skip
+    def fit(prepared: Any, request: Request) -> FitResult:
+        assert request.terms == chosen
+        raise StopIteration
+
+    method = SimpleNamespace(physical=True, fit=fit)
+    monkeypatch.setattr(module, "known_method", lambda name: method)
+    with pytest.raises(StopIteration):
+        identify(flights[0], terms=terms)
 
 
 def test_fit_falls_with_the_horizon(found: Identification) -> None:

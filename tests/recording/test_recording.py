@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,16 @@ def test_the_repr_is_three_lines_with_size_axes_and_channels() -> None:
     assert second.startswith("  axes: roll, pitch, yaw; references: roll, pitch, yaw; profile: ")
     assert second.endswith("controller unknown")
     assert third == "  channels: gust_m_s"
+
+
+def test_the_repr_names_an_outcome_other_than_completed() -> None:
+    made = flight(501)
+    for outcome, ending in (
+        ("completed", "500 Hz"),
+        ("tripped", "; the flight's outcome: tripped"),
+    ):
+        cut = replace(made, meta={**made.meta, "outcome": outcome})
+        assert repr(cut).splitlines()[0].endswith(ending)
 
 
 def test_the_repr_of_many_channels_counts_those_that_it_does_not_list() -> None:

@@ -3,9 +3,10 @@
     fly a plan → diagnose all flights so far → is no further flight recommended? end
                ↑______________ fly the recommended plan ______________|
 
-The run also ends in two other cases:
+The run also ends in three other cases:
 
 - The recommended plan exceeds the remaining budget.
+- A flight has the same samples as an earlier one, because the emulated rig has a fixed seed.
 - The recommended plan should show a single cause, but was flown before and did not show it.
 """
 
@@ -94,9 +95,14 @@ def run_auto(
     recordings: list[Recording] = []
     paths: list[Path] = []
     plan, left_s = first, 60 * budget_min
+    ended: str | None = None
     while True:
         path = folder / f"{len(paths) + 1}-{file_name(plan.name)}.mcap"
-        recordings.append((fly or fly_on_rig)(plan, path, seed + len(paths)))
+        recording = (fly or fly_on_rig)(plan, path, seed + len(paths))
+        if any(recording.digest == r.digest for r in recordings):
+            ended = f"{plan.name} repeated the samples of an earlier flight (a fixed seed)"
+            break
+        recordings.append(recording)
         paths.append(path)
         left_s -= plan.duration_s
         with diagnosing() as progress:

@@ -88,12 +88,16 @@ def has_jitter(recording: Recording) -> bool:
     return m.is_significant and m.sigma_s > JITTER_SHARE * r.dt
 
 
-def chosen_terms(words: str) -> tuple[str, ...]:
-    """Return the names of the effects that the option ``--terms WORDS`` selects.
+def chosen_terms(words: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the effects that ``words`` selects, as a list or separated by commas.
 
     ``words`` is ``+name,-name`` (adds to and removes from `DEFAULT_TERMS`) or ``name,name`` (the
     full list). Raises UsageError for an unknown name, or for a ``-name`` that cannot be removed.
     """
+    if not isinstance(words, str):
+        if not words:
+            return ()
+        words = ",".join(words)
     names = [w.strip() for w in words.split(",") if w.strip()]
     chosen = [] if names and names[0][0] not in "+-" else list(DEFAULT_TERMS)
     for word in names:
@@ -101,7 +105,7 @@ def chosen_terms(words: str) -> tuple[str, ...]:
         if word.startswith("-"):
             if name not in chosen:
                 raise UsageError(
-                    f"--terms: there is no {name!r} to leave out.",
+                    f"There is no term {name!r} to leave out.",
                     cause=f"a typing error; {did_you_mean(name, chosen)}",
                     fix=f"the default terms: {', '.join(DEFAULT_TERMS)}",
                 )

@@ -253,7 +253,7 @@ def linear(model: GreyBoxModel, dt: float) -> tuple[LinearModel, tuple[str, ...]
         names += [f"v_front_delayed_{i + 1}", f"v_back_delayed_{i + 1}"]
     return LinearModel(
         name=model.name, kind=model.kind, A=A, B=B, C=C, K=np.zeros((len(A), 3)),
-        S=np.full((3, 3), np.nan), u0=u0, y0=m, dt=dt,
+        S=np.full((3, 3), np.nan), u0=u0, y0=m, dt=dt, profile=model.profile,
     ), tuple(names)  # fmt: skip
 
 

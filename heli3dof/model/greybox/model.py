@@ -20,13 +20,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from heli3dof.arrays import ComplexArray, FloatArray
-from heli3dof.errors import ProfileError, UsageError
+from heli3dof.errors import UsageError
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.effects import PlugIn, broken, plug_ins, term, terms
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import ControllerSpec, Profile, profile_from_dict
+from heli3dof.rig.profile import ControllerSpec, Profile, recorded_profile
 
 if TYPE_CHECKING:
     import control
@@ -124,6 +124,12 @@ class GreyBoxModel:
         from heli3dof.model.discretisation import to_control
         from heli3dof.model.greybox.linearisation import linear
 
+        if dt is not None and not 0 < dt < np.inf:
+            raise UsageError(
+                f"dt is {dt}; it must be positive.",
+                cause="a wrong sign, or 0 for continuous time.",
+                fix="dt in seconds, above 0; or in_continuous_time=True",
+            )
         model, states = linear(self, self.profile.dt if dt is None else dt)
         return to_control(model, in_continuous_time=in_continuous_time, states=states)
 
@@ -166,18 +172,12 @@ class GreyBoxModel:
         """
         names = tuple(str(t) for t in data["terms"])
         _check_terms(names, data.get("plug_ins", {}))
-        try:
-            profile = profile_from_dict(
-                data["profile"], source="the model's profile", recorded=True
-            )
-        except ProfileError as error:
-            raise ValueError(error.what) from error
         values = np.array([p["value"] for p in data["parameters"]], dtype=float)
         n = len(values)
         model = cls(
             name=str(data["name"]),
             kind=str(data["kind"]),
-            profile=profile,
+            profile=recorded_profile(data["profile"]),
             terms=names,
             values=values,
             noise=np.array(data["acceleration_noise_rad_per_s2_per_sqrtHz"], dtype=float),

@@ -115,4 +115,5 @@ def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = N
         y0=np.zeros(3),
         dt=dt,
         exact_hold=True,
+        profile=profile,
     )

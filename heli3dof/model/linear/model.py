@@ -21,7 +21,7 @@ from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import ControllerSpec
+from heli3dof.rig.profile import ControllerSpec, Profile, recorded_profile
 
 if TYPE_CHECKING:
     import control
@@ -61,6 +61,8 @@ class LinearModel:
     model can be resampled. An identified model is valid at its own interval only."""
     file: Path | None = None
     """The file from which the model was read"""
+    profile: Profile | None = None
+    """The rig's profile, with which `simulate` flies the model; None: unknown"""
 
     @property
     def order(self) -> int:
@@ -162,10 +164,12 @@ class LinearModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as a dict for its JSON file; see ``docs/reference/model-file.md``."""
+        profile = {} if self.profile is None else {"profile": self.profile.to_dict()}
         return {
             "form": "linear",
             "name": self.name,
             "kind": self.kind,
+            **profile,
             "dt_s": self.dt,
             "order": self.order,
             "exact_hold": self.exact_hold,
@@ -207,6 +211,7 @@ class LinearModel:
             y0=arrays.pop("y0_rad"),
             extra=dict(data.get("extra", {})),
             exact_hold=bool(data.get("exact_hold", False)),
+            profile=recorded_profile(data["profile"]) if "profile" in data else None,
             **arrays,
         )
 

@@ -45,6 +45,10 @@ def recording_from_table(
         if np.isnan(columns[name]).all():
             warnings.append(f"The column {name} is empty and was ignored.")
             del columns[name]
+    for entry in table.ignored:
+        name, _, reason = entry.partition(": ")
+        if name in KNOWN and name not in columns:
+            warnings.append(f"The column {name} was ignored: {reason}.")
     if not any(f"{axis}_{unit}" in columns for axis in AXES for unit in ANGLE_UNITS):
         raise RecordingError(
             f"{table.source} has no angle column.",

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.comparison.compare import Models
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.result import Comparison
 from heli3dof.comparison.verdict import verdict
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.identification.result import Identification
-from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.comparison import NUMBER, axis_figures
@@ -74,7 +74,7 @@ class Diagnosed:
 def flight_report(
     recordings: Sequence[Recording],
     *,
-    models: Sequence[Model] = (),
+    models: Models = (),
     comparison: Comparison | None = None,
     identified: Sequence[Identification] = (),
     diagnosed: Diagnosed | None = None,
@@ -83,8 +83,10 @@ def flight_report(
 ) -> str:
     """Return the report of ``recordings`` as an HTML document.
 
-    ``reproduced`` is the result of `heli3dof.paper.reproduction.reproduce`.
+    ``models``: as of `heli3dof.comparison.compare.compare`. ``reproduced``: the result of
+    `heli3dof.paper.reproduction.reproduce`.
     """
+    models = models(recordings[0]) if callable(models) else models
     names = ", ".join(r.name for r in recordings)
     warnings = [warning(w) for w in _warnings(recordings, comparison)]
     diagnosis = [] if diagnosed is None else [diagnosis_section(diagnosed.document, diagnosed.data)]

@@ -172,8 +172,9 @@ def _as_rows(block: np.ndarray, n: int) -> np.ndarray:
 
 
 def _described(value: Any) -> str:
-    """Return a description of an ignored variable: ``one value``, ``3 × 3 values``, ``text``."""
+    """Return why a variable is ignored: ``one value``, ``3 × 3 values``, ``complex numbers``."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
-        return "text" if isinstance(value, str) else "not numeric"
+        kinds = {"U": "text", "c": "complex numbers"}
+        return kinds.get(array.dtype.kind, "not numeric")
     return "one value" if array.size == 1 else " × ".join(map(str, array.shape)) + " values"

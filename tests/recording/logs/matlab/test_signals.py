@@ -10,9 +10,11 @@ import pytest
 from scipy.io import savemat
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers.mat_file import read
 from heli3dof.recording.logs.matlab.signals import tables
 from heli3dof.recording.logs.matlab.variables import Opaque
+from tests.recording.make import flight, log_columns
 
 T = np.arange(50) / 500
 X = np.array([np.sin(T), np.cos(T)])
@@ -25,6 +27,17 @@ def columns(tmp_path: Path, variables: dict[str, Any], name: str = "x_enc.mat") 
 
 def structure(values: np.ndarray, label: str = "") -> dict[str, Any]:
     return {"values": values, "label": label, "dimensions": float(values.shape[-1])}
+
+
+def test_a_complex_angle_is_ignored_with_a_warning(tmp_path: Path) -> None:
+    flown = flight(500)
+    log = log_columns(flown)
+    log["roll_deg"] = log["roll_deg"] + 0j
+    savemat(tmp_path / "log.mat", log)
+    recording = load(tmp_path / "log.mat", flown.profile)
+    assert recording.axes == ("pitch", "yaw")
+    warning = "The column roll_deg was ignored: complex numbers."
+    assert warning in recording.meta["warnings"]
 
 
 @pytest.mark.parametrize("transpose", [False, True])

@@ -1,0 +1,133 @@
+"""The arguments of the public functions: names, paths, single objects, and clear refusals."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import heli3dof as h3
+from tests.flown import first_part
+
+PLAN = h3.step_plan(roll=5, settle_s=1.0, duration_s=5.0)
+HOVER = h3.hover_model(h3.default_profile())
+
+
+@pytest.fixture(scope="module")
+def flown() -> h3.Recording:
+    return h3.fly_plan(PLAN, device="mock:?speed=max&seed=1").recording
+
+
+def test_a_plan_is_taken_by_name_or_path(tmp_path: Path) -> None:
+    file = tmp_path / "short.toml"
+    file.write_text('name = "short"\n[[segment]]\nkind = "step"\nroll_deg = 5\nduration_s = 2\n')
+    assert h3.simulate(str(file), "hover").name == "short-on-hover"
+    assert h3.fly_plan(file).recording.meta["plan"]["name"] == "short"
+    with pytest.raises(h3.PlanError, match="no plan named 'ritch'"):
+        h3.fly_plan("ritch")
+
+
+def test_a_profile_is_taken_by_path(flown: h3.Recording, tmp_path: Path) -> None:
+    data = {**h3.default_profile().to_dict(), "name": "mine"}
+    path = tmp_path / "rig.toml"
+    path.write_text(text_of(data))
+    h3.write_recording(flown, tmp_path / "a.mcap")
+    assert h3.load(tmp_path / "a.mcap", path).profile.name == "mine"
+    assert h3.fly_plan(PLAN, profile=str(path)).recording.profile.name == "mine"
+    assert h3.simulate(PLAN, "hover", profile=path).profile.name == "mine"
+    with h3.open_rig("mock:", path) as rig:
+        assert rig.identity.driver
+    with pytest.raises(h3.ProfileError, match="There is no profile"):
+        h3.fly_plan(PLAN, profile=tmp_path / "none.toml")
+
+
+def text_of(data: dict[str, Any]) -> str:
+    lines = [f'name = "{data["name"]}"']
+    for section in ("geometry", "mass", "motor", "encoder", "loop"):
+        lines += [f"[{section}]", *(f"{k} = {v}" for k, v in data[section].items())]
+    return "\n".join([*lines, "[controller]"])
+
+
+def test_recordings_and_models_are_taken_alone_and_by_name(
+    flown: h3.Recording, tmp_path: Path
+) -> None:
+    path = h3.write_recording(flown, tmp_path / "a.mcap")
+    listed = h3.comparison_document(h3.compare([flown], [HOVER], horizons_s=[0.5]))
+    for recordings, models in ((flown, HOVER), ([flown], "hover"), (flown, ["hover"])):
+        alone = h3.compare(recordings, models, horizons_s=0.5)
+        assert h3.comparison_document(alone) == listed
+    assert h3.compare(str(path), ["hover", HOVER]).flights[0].recording.digest == flown.digest
+    assert "step-roll-5" in h3.flight_report(flown, models="hover")
+    with pytest.raises(h3.RecordingError, match="There is no recording"):
+        h3.identify(tmp_path / "none.mcap")
+
+
+def test_a_model_by_name_is_of_each_recordings_rig(flown: h3.Recording) -> None:
+    data = h3.default_profile().to_dict()
+    data["motor"]["V_o"] = 9.0
+    other = h3.simulate(PLAN, "hover", profile=h3.profile_from_dict(data))
+    by_name = h3.compare([flown, other], "hover", horizons_s=()).flights[1]
+    own = h3.compare(other, h3.hover_model(other.profile), horizons_s=()).flights[0]
+    np.testing.assert_array_equal(by_name.models[0].replay_rmse_deg, own.models[0].replay_rmse_deg)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: h3.simulate(PLAN, HOVER, start="foo"), "no start 'foo'"),
+        (lambda r: h3.compare([r], [HOVER], horizons_s=[-1]), "horizons_s is"),
+        (lambda r: h3.identify(r, method="pem", intervals_s=(-0.04,)), "intervals_s is"),
+        (lambda r: h3.hover_model(h3.default_profile(), dt=0), "dt is 0"),
+        (lambda r: h3.step_plan(roll=10, settle_s=-1), "duration_s = -1.0"),
+        (lambda r: h3.step_plan(10), "target_deg is 10"),
+        (lambda r: h3.step_plan((10, 5)), "target_deg is .* three angles"),
+        (lambda r: h3.step_plan((10, None, None), roll=5), "two angles for roll"),
+        (lambda r: h3.zero("mock:", angles_deg=(0, 0)), "angles_deg is .* three angles"),
+        (lambda r: h3.fly_plan(PLAN, seed=-1), "seed is -1, not a whole number"),
+        (lambda r: h3.diagnose(r, seed=-1), "seed is -1, not a whole number"),
+        (lambda r: h3.simulate(PLAN, HOVER, seed=1.5), "seed is 1.5, not a whole"),
+        (lambda r: h3.fly_plan(3), "plan is 3, not a plan"),
+        (lambda r: h3.load("a.csv", 3), "profile is 3, not a profile"),
+        (lambda r: h3.diagnose([]), "No recording was given"),
+        (lambda r: h3.identify([r, HOVER]), r"recordings\[1\] is of the type LinearModel"),
+        (lambda r: h3.compare(r, [r]), r"models\[0\] is of the type Recording"),
+        (lambda r: h3.compare(r, ["hoover"]), "no model 'hoover'"),
+        (lambda r: h3.flight_metrics(r.between(100, 200)), "has no samples"),
+        (lambda r: r.has_reference("elevation"), "no axis 'elevation'"),
+        (lambda r: setattr(r.profile.mass, "m_w", 2), "m_w of a Mass cannot be set"),
+    ],
+)
+def test_a_wrong_argument_is_named(
+    flown: h3.Recording, call: Callable[[h3.Recording], Any], message: str
+) -> None:
+    with pytest.raises(h3.Heli3dofError, match=message) as caught:
+        call(flown)
+    assert caught.value.cause
+    assert caught.value.fix
+
+
+def test_a_greybox_model_refuses_an_interval_of_zero() -> None:
+    from tests.model.test_greybox_model import true_model
+
+    with pytest.raises(h3.UsageError, match="dt is 0"):
+        true_model().to_control(dt=0)
+
+
+def test_the_file_name_of_a_model_in_a_document_is_no_model(flown: h3.Recording) -> None:
+    found = h3.diagnose(first_part_of_a_still_rig(), quick=True)
+    assert h3.diagnosis_document(found, "m.json")["model"] in ("m.json", None)
+
+
+def first_part_of_a_still_rig() -> h3.Recording:
+    flight = h3.fly_plan(first_part("multisine", 3.0), device="mock:?speed=max&seed=1").recording
+    flight.angle[:] = flight.angle[0]
+    return flight
+
+
+def test_public_functions_can_be_pickled_and_keep_their_names() -> None:
+    assert pickle.loads(pickle.dumps(h3.fly_plan)) is h3.fly_plan
+    assert h3.fly_plan.__name__ == "fly_plan"
