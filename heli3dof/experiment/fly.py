@@ -32,13 +32,17 @@ from heli3dof.rig.trip import Trip
 ON_REQUEST = "emergency stop on request"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Flight:
     """Result of a flight: recording, outcome, and the file's path (None: recorded in memory)."""
 
     recording: Recording
     outcome: Outcome
     path: Path | None
+
+    def __repr__(self) -> str:
+        ended = ": ".join(x for x in (self.outcome.ending, str(self.outcome.detail or "")) if x)
+        return f"<Flight of {self.recording.name!r}, {ended},\n file: {self.path or 'none'}>"
 
     def raise_if_cut_short(self) -> None:
         """Raise an exception if the flight did not complete its plan; else do nothing.

@@ -1,0 +1,59 @@
+"""The public results in a notebook: text, table, figure and report of a diagnosis, short reprs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import heli3dof as h3
+from heli3dof.errors import UsageError
+from heli3dof.integrity import Fault, Kind
+from tests.flown import flown
+
+DEVICE = "mock:?speed=max&hide=motor.lag:0.1"
+
+
+@pytest.fixture(scope="module")
+def recording() -> h3.Recording:
+    return flown("rich", 30.0, device=DEVICE, seed=1)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(recording: h3.Recording) -> h3.Diagnosis:
+    return h3.diagnose(recording, quick=True)
+
+
+def test_a_diagnosis_has_the_methods_of_a_result(diagnosis: h3.Diagnosis) -> None:
+    document = diagnosis.to_dict()
+    assert document == h3.diagnosis_document(diagnosis)
+    assert diagnosis.summary() == "\n".join(h3.diagnosis_summary(document))
+    assert "motor.lag" in diagnosis._repr_html_()
+    assert len(repr(diagnosis).splitlines()) == 3
+    assert repr(diagnosis).startswith("Verdict: ")
+    size = diagnosis.to_dataframe().loc[("motor.lag", "time_constant_s")]
+    assert size["value"] == pytest.approx(0.1, abs=0.02)
+    labels = [text.get_text() for text in diagnosis.plot().axes[0].get_legend().get_texts()]
+    assert labels == ["refitted simulation", "extended model", "noise floor"]
+
+
+def test_a_diagnosis_of_faulty_data_has_text_and_an_empty_table_but_no_figure() -> None:
+    fault = Fault("clock.backwards", Kind.BAD_DATA, "a", "Time runs backwards.", "a merge.", "sort")
+    refused = h3.Diagnosis(("a",), (), "bad_data", (fault,))
+    assert "Time runs backwards" in refused.summary()
+    assert len(refused.to_dataframe()) == 0
+    with pytest.raises(UsageError, match="no figure of this diagnosis"):
+        refused.plot()
+
+
+def test_other_results_have_a_repr_of_at_most_three_lines(
+    recording: h3.Recording, diagnosis: h3.Diagnosis
+) -> None:
+    path = Path("flights/1-rich.mcap")
+    auto = h3.AutoResult(path.parent, (path,), (recording,), diagnosis, None, "settled")
+    flight = h3.fly_plan(h3.step_plan((5.0, None, None)), device="mock:?speed=max")
+    for result in (auto, flight):
+        assert len(repr(result).splitlines()) <= 3
+        assert len(repr(result)) < 500
+    assert "1 flight(s) in flights" in repr(auto)
+    assert "completed" in repr(flight)
