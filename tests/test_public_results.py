@@ -57,3 +57,11 @@ def test_other_results_have_a_repr_of_at_most_three_lines(
         assert len(repr(result)) < 500
     assert "1 flight(s) in flights" in repr(auto)
     assert "completed" in repr(flight)
+
+
+def test_a_report_takes_what_diagnose_returns(
+    recording: h3.Recording, diagnosis: h3.Diagnosis
+) -> None:
+    page = h3.flight_report([recording], diagnosed=diagnosis)
+    assert "motor.lag" in page
+    assert "<h2>Diagnosis</h2>" in page or ">Diagnosis<" in page
