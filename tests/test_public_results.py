@@ -1,14 +1,18 @@
-"""The public results in a notebook: text, table, figure and report of a diagnosis, short reprs."""
+"""The public results: text, table, figure and report of a diagnosis, short reprs, pickling."""
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import heli3dof as h3
 from heli3dof.errors import UsageError
 from heli3dof.integrity import Fault, Kind
+from heli3dof.model.greybox.model import nominal
 from tests.flown import flown
 
 DEVICE = "mock:?speed=max&hide=motor.lag:0.1"
@@ -65,3 +69,44 @@ def test_a_report_takes_what_diagnose_returns(
     page = h3.flight_report([recording], diagnosed=diagnosis)
     assert "motor.lag" in page
     assert "<h2>Diagnosis</h2>" in page or ">Diagnosis<" in page
+
+
+def pickled(result: Any) -> Any:
+    return pickle.loads(pickle.dumps(result))
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "pem", "order": 6}, {"method": "tf4"}])
+def test_an_identification_can_be_pickled_after_use(
+    recording: h3.Recording, options: dict[str, Any]
+) -> None:
+    result = h3.identify(recording, **options)
+    omega = np.array([1.0, 3.0])
+    copy = pickled(result)
+    assert copy.summary() == result.summary()
+    for a, b in zip(copy.frequency_response(omega), result.frequency_response(omega), strict=True):
+        np.testing.assert_array_equal(a, b)
+    expected = result.model.predict(recording, 0.5)
+    np.testing.assert_array_equal(pickled(result.model).predict(recording, 0.5), expected)
+    np.testing.assert_array_equal(pickled(result).model.predict(recording, 0.5), expected)
+
+
+def test_the_other_results_can_be_pickled_after_use(
+    recording: h3.Recording, diagnosis: h3.Diagnosis
+) -> None:
+    assert diagnosis.fitted is not None
+    model = diagnosis.fitted.model
+    expected = model.predict(recording, 0.5)
+    copy = pickled(diagnosis)
+    assert copy.to_dict() == diagnosis.to_dict()
+    np.testing.assert_array_equal(copy.fitted.model.predict(recording, 0.5), expected)
+    comparison = h3.compare([recording], [model], horizons_s=(0.5,))
+    assert pickled(comparison).to_dict() == comparison.to_dict()
+    flight = h3.fly_plan(h3.step_plan((5.0, None, None)), device="mock:?speed=max")
+    assert pickled(flight).recording.digest == flight.recording.digest
+
+
+def test_every_kind_of_model_is_sampled_at_another_interval() -> None:
+    hover, body = (h3.hover_model(h3.default_profile()), nominal(h3.default_profile()))
+    for model in (hover, body):
+        assert model.to_control(dt=0.02).dt == 0.02
+        assert model.to_control(in_continuous_time=True, dt=0.02).dt == 0
