@@ -69,13 +69,14 @@ def diagnose(
     from heli3dof.diagnosis.planning.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
+    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
     from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
     out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
     inputs = [*recordings, *(holdout or [])]
+    check_ending(output or name, ".json")
     check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)
     train, faults = _load(out, recordings, profile)
     test, test_faults = _load(out, holdout or [], profile)

@@ -71,10 +71,11 @@ def identify(
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
+    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
 
     out = Output(as_json=as_json, quiet=quiet)
     path = output or default_output(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
+    check_ending(path, ".json")
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)

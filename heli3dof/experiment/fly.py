@@ -15,6 +15,7 @@ from heli3dof.experiment.control_loop.signal_handling import StopSignals, stop_s
 from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.model.control.stability import check_hover_loop
+from heli3dof.recording.atomic_write import check_ending
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.memory import MemoryRecorder
@@ -115,10 +116,13 @@ def fly_plan(
     called with the rig's identity, and ``warn`` with each warning.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
-    start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
-    emergency stop came after this program or call began (`heli3dof.rig.session.stop_stamp`).
+    start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
+    SafetyTrip if an emergency stop came after this program or call began
+    (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
+    if output is not None:
+        check_ending(Path(output), ".mcap")
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)
