@@ -35,6 +35,7 @@ from .model.control.controller import Controller as Controller
 from .model.control.stability import check_loop as check_loop
 from .model.effects import effects as effects
 from .model.effects.base import Effect as Effect
+from .model.export import export as export
 from .model.greybox.model import GreyBoxModel as GreyBoxModel
 from .model.linear.hover import hover_model as hover_model
 from .model.linear.model import LinearModel as LinearModel
@@ -42,7 +43,6 @@ from .model.model_file import save_model as save_model
 from .paper.models import load_model as load_model
 from .recording.info import file_info as file_info
 from .recording.load import load as load
-from .recording.logs.export import export as export
 from .recording.logs.import_log import import_log as import_log
 from .recording.mcap_files.reader import read_recording as read_recording
 from .recording.mcap_files.recover import recover as recover
