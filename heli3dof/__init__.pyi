@@ -54,6 +54,8 @@ from .report.figures.flight import flight_figure as flight_figure
 from .report.pages.flight_report import flight_report as flight_report
 from .report.text.diagnosis_summary import diagnosis_summary as diagnosis_summary
 from .rig.drivers import find_rigs as find_rigs
+from .rig.interface import Command as Command
+from .rig.interface import Sample as Sample
 from .rig.profile import Profile as Profile
 from .rig.profile import default_profile as default_profile
 from .rig.profile import load_profile as load_profile
