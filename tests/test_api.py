@@ -159,6 +159,19 @@ def test_zero_stores_the_rest_counts_in_python(
     assert h3.zero().shift_deg == (0.0, 0.0, 0.0)
 
 
+def test_the_device_variable_chooses_a_rig_to_measure_but_none_to_fly(
+    fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
+    monkeypatch.setenv("HELI3DOF_DEVICE", "fake://2")
+    assert h3.zero(store=False).device == "fake://2"
+    assert h3.doctor().device == "fake://2"
+    opened = fake.closed
+    with pytest.raises(h3.UsageError, match="mock"):  # the fixture removes the emulated rig
+        h3.fly_plan(h3.step_plan((5.0, None, None)))
+    assert fake.closed == opened
+
+
 def test_doctor_returns_its_checks_in_python(tmp_path: Path) -> None:
     report = h3.doctor("mock:", folder=tmp_path)
     assert report.opened

@@ -110,10 +110,13 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to the file ``output``, or in memory).
 
-    ``device``: the rig's URL. ``seed``: seed of the plan's random signals, and of an emulated rig's
-    noise if its URL has no seed. ``force`` overwrites the file; ``meta`` is added to the
-    recording's metadata; ``live`` receives the progress. Before the rig is armed, ``opened`` is
-    called with the rig's identity, and ``warn`` with each warning.
+    ``device``: the rig's URL; default: the emulated rig. A real rig flies only if its URL is given:
+    the function neither searches for rigs nor reads HELI3DOF_DEVICE.
+
+    ``seed``: seed of the plan's random signals, and of an emulated rig's noise if its URL has no
+    seed. ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live``
+    receives the progress. Before the rig is armed, ``opened`` is called with the rig's identity,
+    and ``warn`` with each warning.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
