@@ -26,6 +26,7 @@ from .experiment.fly import Flight as Flight
 from .experiment.fly import fly_plan as fly_plan
 from .experiment.plan import Plan as Plan
 from .experiment.plan import load_plan as load_plan
+from .experiment.plan import named_plans as named_plans
 from .experiment.plan import plan_from_dict as plan_from_dict
 from .experiment.plan import step_plan as step_plan
 from .experiment.simulate import simulate as simulate
@@ -48,6 +49,7 @@ from .recording.mcap_files.reader import read_recording as read_recording
 from .recording.mcap_files.recover import recover as recover
 from .recording.recording import Recording as Recording
 from .recording.recording import make_recording as make_recording
+from .recording.save_profile import save_profile as save_profile
 from .recording.write import write_recording as write_recording
 from .report.figures.comparison import comparison_figures as comparison_figures
 from .report.figures.flight import flight_figure as flight_figure
