@@ -76,8 +76,8 @@ def diagnose(
     out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
     inputs = [*recordings, *(holdout or [])]
-    check_ending(output or name, ".json")
     check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)
+    check_ending(output or name, ".json")
     train, faults = _load(out, recordings, profile)
     test, test_faults = _load(out, holdout or [], profile)
     if faults or test_faults:

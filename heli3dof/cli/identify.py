@@ -75,8 +75,8 @@ def identify(
 
     out = Output(as_json=as_json, quiet=quiet)
     path = output or default_output(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
-    check_ending(path, ".json")
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
+    check_ending(path, ".json")
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
     check_distinct(train, test)

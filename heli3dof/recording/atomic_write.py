@@ -97,7 +97,7 @@ def check_ending(path: Path, ending: str) -> None:
         name = quoted(stem(path) + ending)
         raise UsageError(
             f"{path} would be a {ending} file, but its name ends in {wrong}.",
-            cause=f"-o or output= names another format; this file can be a {ending} file only.",
+            cause="the output was given the name of a file of another format.",
             fix=f"-o {name}, then heli3dof export {name}; in Python the function export",
         )
 

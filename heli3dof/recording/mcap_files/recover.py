@@ -86,8 +86,8 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
             cause="the program was killed in the first fraction of a second.",
             fix="repeat the experiment",
         )
-    check_ending(output, ".mcap")
     check_outputs(output, force=force, inputs=[path])
+    check_ending(output, ".mcap")
     times = saved.rows[SAMPLE.name]["t_s"]
     result = Recovery(
         output,
