@@ -1,6 +1,6 @@
 """heli3dof: fly, identify, compare and diagnose a 3-DOF helicopter.
 
-Everything the command line does can be done from Python::
+Flying, recording, identifying, comparing, diagnosing and reporting can be done from Python::
 
     import heli3dof as h3
 
@@ -9,7 +9,10 @@ Everything the command line does can be done from Python::
     comparison = h3.compare(
         [h3.load("step.mcap")], [h3.hover_model(h3.default_profile()), identified.model]
     )
-    document = h3.diagnosis_document(h3.diagnose(flight.recording))
+    print(h3.diagnose(flight.recording).summary())
+
+These verbs are on the command line only: batch, demo, effect, exercise, fleet, monitor; of profile,
+new and update; of diagnose, ``--cluster``. For ``effect list``, use `effects`.
 
 A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
 or model's name. In place of a list of one, it takes the one. Arrays are in SI units (s, V, rad),

@@ -26,6 +26,7 @@ from .experiment.fly import Flight as Flight
 from .experiment.fly import fly_plan as fly_plan
 from .experiment.plan import Plan as Plan
 from .experiment.plan import load_plan as load_plan
+from .experiment.plan import named_plans as named_plans
 from .experiment.plan import plan_from_dict as plan_from_dict
 from .experiment.plan import step_plan as step_plan
 from .experiment.simulate import simulate as simulate
@@ -35,6 +36,7 @@ from .model.control.controller import Controller as Controller
 from .model.control.stability import check_loop as check_loop
 from .model.effects import effects as effects
 from .model.effects.base import Effect as Effect
+from .model.export import export as export
 from .model.greybox.model import GreyBoxModel as GreyBoxModel
 from .model.linear.hover import hover_model as hover_model
 from .model.linear.model import LinearModel as LinearModel
@@ -42,18 +44,20 @@ from .model.model_file import save_model as save_model
 from .paper.models import load_model as load_model
 from .recording.info import file_info as file_info
 from .recording.load import load as load
-from .recording.logs.export import export as export
 from .recording.logs.from_arrays import make_recording as make_recording
 from .recording.logs.import_log import import_log as import_log
 from .recording.mcap_files.reader import read_recording as read_recording
 from .recording.mcap_files.recover import recover as recover
 from .recording.recording import Recording as Recording
+from .recording.save_profile import save_profile as save_profile
 from .recording.write import write_recording as write_recording
 from .report.figures.comparison import comparison_figures as comparison_figures
 from .report.figures.flight import flight_figure as flight_figure
 from .report.pages.flight_report import flight_report as flight_report
 from .report.text.diagnosis_summary import diagnosis_summary as diagnosis_summary
 from .rig.drivers import find_rigs as find_rigs
+from .rig.interface import Command as Command
+from .rig.interface import Sample as Sample
 from .rig.profile import Profile as Profile
 from .rig.profile import default_profile as default_profile
 from .rig.profile import load_profile as load_profile

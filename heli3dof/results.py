@@ -1,13 +1,14 @@
 """`Result`: the base class of recordings, identifications, comparisons and diagnoses.
 
-The class displays such a result as text, HTML or figure in a notebook. `heli3dof.report` draws the
-figures: `Result.plot` finds a class's drawing function by the class name among the entry points of
-the group `FIGURES`.
+The class displays such a result as text, HTML or figure in a notebook. A result class may not
+import the packages above it, such as `heli3dof.report`, which draws the figures. `registered` finds
+their functions by the class name among the entry points of a group, such as `FIGURES`.
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from html import escape
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = "heli3dof.figures"
+"""Group of the functions that draw a result's figure"""
+SUMMARIES = "heli3dof.summaries"
+"""Group of the functions that return a result's summary"""
+DOCUMENTS = "heli3dof.documents"
+"""Group of the functions that return a result's JSON document"""
 REPR_LINES = 3
 
 
@@ -37,21 +43,29 @@ class Result:
 
         Raises UsageError if no drawing function is registered.
         """
-        name = type(self).__name__
-        for point in entry_points(group=FIGURES, name=name):
-            figure: Figure = point.load()(self, **options)
-            return figure
-        raise UsageError(
-            f"No figure of a {name} is registered.",
-            cause="heli3dof was updated but not installed again.",
-            fix="pip install -e . in the checkout, or pip install --force-reinstall heli3dof",
-        )
+        figure: Figure = registered(FIGURES, type(self).__name__)(self, **options)
+        return figure
 
     def __repr__(self) -> str:
         return "\n".join(self.summary().splitlines()[:REPR_LINES])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"
+
+
+def registered(group: str, name: str) -> Callable[..., Any]:
+    """Return the function that the entry point ``name`` of ``group`` names.
+
+    Raises UsageError if there is none.
+    """
+    for point in entry_points(group=group, name=name):
+        function: Callable[..., Any] = point.load()
+        return function
+    raise UsageError(
+        f"No function of the group {group} is registered for a {name}.",
+        cause="heli3dof was updated but not installed again.",
+        fix="pip install -e . in the checkout, or pip install --force-reinstall heli3dof",
+    )
 
 
 def optional(library: str, *, extra: str = "") -> Any:

@@ -256,13 +256,20 @@ def _missing_keys(names: list[str], known: list[str], where: str, source: str) -
     else:
         what = f"the keys {', '.join(map(repr, names))} are missing"
         fix = f"add them to {source}"
-    cause = "the file was cut short or written for another version."
+    cause = "it is incomplete, or written for another version."
     return Problem(names[0], what, cause, fix)
 
 
 def _wrong_value(e: ErrorDetails, source: str) -> Problem:
     name = ".".join(str(part) for part in e["loc"])
     what = e["msg"]
+    if e["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        return Problem(
+            name,
+            f"{name or 'the content'} = {e['input']!r} is not a table of keys",
+            "a value where a table (in Python a dict) belongs.",
+            f"edit {source}",
+        )
     if e["type"] != "conflict":
         verb = "is" if e["type"] == "implausible" else "cannot be:"
         what = f"{name or 'the file'} = {e['input']!r} {verb} {what}"

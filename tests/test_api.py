@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import heli3dof as h3
+from heli3dof.cli.app import app
 from heli3dof.errors import Heli3dofError
 from heli3dof.rig.session.client import running
 from tests.flown import first_part
@@ -190,6 +191,19 @@ def test_zero_stores_the_rest_counts_in_python(
     assert h3.zero().shift_deg == (0.0, 0.0, 0.0)
 
 
+def test_the_device_variable_chooses_a_rig_to_measure_but_none_to_fly(
+    fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
+    monkeypatch.setenv("HELI3DOF_DEVICE", "fake://2")
+    assert h3.zero(store=False).device == "fake://2"
+    assert h3.doctor().device == "fake://2"
+    opened = fake.closed
+    with pytest.raises(h3.UsageError, match="mock"):  # the fixture removes the emulated rig
+        h3.fly_plan(h3.step_plan((5.0, None, None)))
+    assert fake.closed == opened
+
+
 def test_doctor_returns_its_checks_in_python(tmp_path: Path) -> None:
     report = h3.doctor("mock:", folder=tmp_path)
     assert report.opened
@@ -200,3 +214,19 @@ def test_doctor_returns_its_checks_in_python(tmp_path: Path) -> None:
 def test_every_type_hint_of_the_api_can_be_resolved() -> None:
     for name in ("zero", "doctor", "estop"):
         assert "return" in typing.get_type_hints(getattr(h3, name))
+
+
+FUNCTION_OF = {
+    "devices": "find_rigs", "import": "import_log", "info": "file_info", "plans": "named_plans",
+    "plot": "flight_figure", "profile": "save_profile", "report": "flight_report",
+    "run": "fly_plan", "run-step": "step_plan",
+}  # fmt: skip
+"""Verb → the public function that does the same, where the name differs"""
+
+
+def test_the_package_names_every_verb_that_has_no_function() -> None:
+    verbs = {str(c.name) for c in (*app.registered_commands, *app.registered_groups)}
+    without = {v for v in verbs if FUNCTION_OF.get(v, v) not in NAMES}
+    listed = str(h3.__doc__).partition("command line only:")[2].partition(";")[0]
+    assert {word.strip() for word in listed.replace("\n", " ").split(",")} == without
+    assert set(FUNCTION_OF.values()) <= set(NAMES)

@@ -11,7 +11,9 @@ import textwrap
 
 import pytest
 
+import heli3dof as h3
 from heli3dof.cli.app import app
+from heli3dof.model.greybox.model import nominal
 from tests.paths import ROOT
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -95,3 +97,14 @@ def test_every_name_that_an_example_imports_exists(page) -> None:
                 for alias in node.names:
                     whole = f"{node.module}.{alias.name}"
                     assert hasattr(module, alias.name) or importlib.util.find_spec(whole), whole
+
+
+@pytest.mark.parametrize("kind", ["greybox", "hover"])
+def test_the_example_of_a_model_file_runs_for_every_kind_of_model(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    profile = h3.default_profile()
+    h3.save_model(nominal(profile) if kind == "greybox" else h3.hover_model(profile), "fit.json")
+    text = (ROOT / "docs/reference/model-file.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(example, {})
+    assert (tmp_path / "copy.json").exists()

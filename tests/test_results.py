@@ -22,7 +22,7 @@ def test_html_holds_the_whole_summary_escaped() -> None:
 
 
 def test_a_class_without_a_registered_figure_is_a_usage_error() -> None:
-    with pytest.raises(UsageError, match="No figure of a Four"):
+    with pytest.raises(UsageError, match=r"heli3dof\.figures is registered for a Four"):
         Four().plot()
 
 

@@ -69,7 +69,7 @@ def diagnose(
     from heli3dof.diagnosis.planning.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
+    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
     from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
@@ -77,6 +77,7 @@ def diagnose(
     name = Path(f"{stem(recordings[0])}-extended.json")
     inputs = [*recordings, *(holdout or [])]
     check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)
+    check_ending(output or name, ".json")
     train, faults = _load(out, recordings, profile)
     test, test_faults = _load(out, holdout or [], profile)
     if faults or test_faults:

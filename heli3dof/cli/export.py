@@ -122,18 +122,13 @@ def _is_model(path: Path) -> bool:
 
 
 def _export_model(out: Output, source: Path, path: Path, to: str | None, force: bool) -> None:
-    from heli3dof.model.mat_file import save_mat
+    from heli3dof.model.export import check_model_format, export
     from heli3dof.model.model_file import read_model
     from heli3dof.recording.atomic_write import check_outputs
 
-    if to not in (None, "mat") or path.suffix.lower() != ".mat":
-        raise UsageError(
-            f"A model can be exported as .mat only, not as {to or path.name}.",
-            cause="the other formats are tables of a recording, or viewers of one.",
-            fix=f"heli3dof export {quoted(source)} -o {quoted(path.stem)}.mat",
-        )
+    check_model_format(path if to in (None, "mat") else Path(f"{path.stem}.{to}"), source)
     check_outputs(path, force=force, inputs=[source])
     model = read_model(source)
-    written = save_mat(model, path, force=force)
+    written = export(model, path, force=force)
     out.note(f"Written: {written}, model {model.name}")
     out.emit({"schema": "heli3dof.export/1", "file": str(written), "model": model.name})

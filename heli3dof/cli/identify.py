@@ -70,11 +70,12 @@ def identify(
     from heli3dof.cli.inputs import check_same_rig, load_all
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
+    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
 
     out = Output(as_json=as_json, quiet=quiet)
     path = output or default_output(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
+    check_ending(path, ".json")
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
     check_same_rig([*train, *test])

@@ -143,10 +143,11 @@ class Comparison(Result):
 
 
 def _rmse(flight: FlightComparison, m: ModelComparison) -> str:
+    """Return a model's RMSE of each axis as text; a dash where it is unknown."""
     values = m.replay_rmse_deg
     if flight.why is not None:
         values = None if m.prediction is None else m.prediction.over_window_deg
-    return "–" if values is None else ", ".join(f"{v:.2f}" for v in values)
+    return "–" if values is None else ", ".join("–" if np.isnan(v) else f"{v:.2f}" for v in values)
 
 
 def _rows(flight: FlightComparison) -> list[dict[str, Any]]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
+from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
@@ -20,6 +21,10 @@ from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import Term
 from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.results import DOCUMENTS, SUMMARIES, Result, optional, registered
+
+if TYPE_CHECKING:
+    import pandas
 
 MIN_CERTAINTY = 0.5
 """Certainty below which no plan is expected to give a decision. Chosen."""
@@ -140,9 +145,9 @@ class UnexplainedError:
     """Noise floor; None if it is unknown"""
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
-    """The result of a diagnosis; `heli3dof.diagnosis.document` converts it to JSON."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Result):
+    """The result of `heli3dof.diagnose`: the verdict, the causes and the extended model."""
 
     recordings: tuple[str, ...]
     holdout: tuple[str, ...]
@@ -172,6 +177,34 @@ class Diagnosis:
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
         """Return all causes, in the order of the module's function `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
+
+    def summary(self) -> str:
+        """Return the text that ``heli3dof diagnose`` prints: verdict, causes, gain, next step."""
+        text: str = registered(SUMMARIES, "Diagnosis")(self.to_dict())
+        return text
+
+    def to_dict(
+        self, model: str | None = None, upcoming: NextExperiment | None = None
+    ) -> dict[str, Any]:
+        """Return the JSON document of ``diagnose --json``; see `heli3dof.diagnosis_document`."""
+        document: dict[str, Any] = registered(DOCUMENTS, "Diagnosis")(self, model, upcoming)
+        return document
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a pandas data frame with a row per cause and parameter, in the causes' order.
+
+        Columns: ``value``, ``std``, ``score``, ``confidence``. Raises UsageError if pandas is
+        missing.
+        """
+        rows = [
+            {"cause": name_of(cause), "parameter": name, "value": size["value"],
+             "std": size["std"], "score": cause["score"], "confidence": cause["confidence"]}
+            for cause in self.to_dict()["findings"]
+            for name, size in cause["parameters"].items()
+        ]  # fmt: skip
+        columns = ["cause", "parameter", "value", "std", "score", "confidence"]
+        frame = optional("pandas").DataFrame(rows, columns=columns)
+        return frame.set_index(["cause", "parameter"])
 
 
 def in_order(

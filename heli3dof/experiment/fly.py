@@ -15,6 +15,7 @@ from heli3dof.experiment.control_loop.signal_handling import StopSignals, stop_s
 from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.model.control.stability import check_hover_loop
+from heli3dof.recording.atomic_write import check_ending
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.memory import MemoryRecorder
@@ -32,13 +33,17 @@ from heli3dof.rig.trip import Trip
 ON_REQUEST = "emergency stop on request"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Flight:
     """Result of a flight: recording, outcome, and the file's path (None: recorded in memory)."""
 
     recording: Recording
     outcome: Outcome
     path: Path | None
+
+    def __repr__(self) -> str:
+        ended = ": ".join(x for x in (self.outcome.ending, str(self.outcome.detail or "")) if x)
+        return f"<Flight of {self.recording.name!r}, {ended},\n file: {self.path or 'none'}>"
 
     def raise_if_cut_short(self) -> None:
         """Raise an exception if the flight did not complete its plan; else do nothing.
@@ -105,16 +110,22 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to the file ``output``, or in memory).
 
-    ``device``: the rig's URL. ``seed``: seed of the plan's random signals, and of an emulated rig's
-    noise if its URL has no seed. ``force`` overwrites the file; ``meta`` is added to the
-    recording's metadata; ``live`` receives the progress. Before the rig is armed, ``opened`` is
-    called with the rig's identity, and ``warn`` with each warning.
+    ``device``: the rig's URL; default: the emulated rig. A real rig flies only if its URL is given:
+    the function neither searches for rigs nor reads HELI3DOF_DEVICE.
+
+    ``seed``: seed of the plan's random signals, and of an emulated rig's noise if its URL has no
+    seed. ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live``
+    receives the progress. Before the rig is armed, ``opened`` is called with the rig's identity,
+    and ``warn`` with each warning.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
-    start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
-    emergency stop came after this program or call began (`heli3dof.rig.session.stop_stamp`).
+    start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
+    SafetyTrip if an emergency stop came after this program or call began
+    (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
+    if output is not None:
+        check_ending(Path(output), ".mcap")
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)

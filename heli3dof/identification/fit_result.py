@@ -113,7 +113,8 @@ class FitResult:
     """s: sampling interval of the data that were fitted"""
     innovations: Callable[[Prepared, Sequence[RowRange]], Innovations]
     """Function (prepared, runs) → prediction errors and voltages per run of usable rows. The errors
-    are those of predictions `test_interval_s` ahead, or of the simulation for output error."""
+    are those of predictions `test_interval_s` ahead, or of the simulation for output error. It can
+    be pickled if it is no lambda or closure; so can ``response``."""
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)

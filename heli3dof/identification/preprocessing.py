@@ -209,10 +209,15 @@ def segments(
 
 def _check_content(recording: Recording) -> None:
     missing = [a for a in AXES if a not in recording.axes]
-    if missing:
-        there = ", ".join(recording.axes) or "no angle"
+    if len(missing) == len(AXES):
         raise RecordingError(
-            f"{recording.name} is not usable alone: it holds {there}, but not "
+            f"{recording.name} holds no angle.",
+            cause="it has no samples, or its log has no column of angles.",
+            fix="heli3dof run multisine, then identify from that recording",
+        )
+    if missing:
+        raise RecordingError(
+            f"{recording.name} is not usable alone: it holds {', '.join(recording.axes)}, but not "
             f"{', '.join(missing)}.",
             cause="a one-axis experiment. A black box needs all three angles; the grey box uses "
             "such a recording together with one that has all three.",

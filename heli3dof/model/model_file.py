@@ -18,7 +18,7 @@ import numpy as np
 
 from heli3dof.errors import RecordingError, UsageError, did_you_mean, quoted, why_missing
 from heli3dof.model.base import Model
-from heli3dof.recording.atomic_write import write_file
+from heli3dof.recording.atomic_write import check_ending, write_file
 
 SCHEMA = "heli3dof.model/1"
 FORMS = {"greybox": "GreyBoxModel", "linear": "LinearModel"}
@@ -28,9 +28,10 @@ FORMS = {"greybox": "GreyBoxModel", "linear": "LinearModel"}
 def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
     """Write the model's file atomically and return its path.
 
-    Raises OutputExists if the file exists and ``force`` is not set, UsageError or NoSpace if it
-    cannot be written.
+    Raises OutputExists if the file exists and ``force`` is not set, UsageError (for
+    instance another format's ending, such as .mat) or NoSpace if it cannot be written.
     """
+    check_ending(Path(path), ".json")
     return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
 
 

@@ -17,6 +17,8 @@ from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
 RECORDINGS = (".mcap", ".parquet")
 """Endings that `stem` removes in addition to those of the importers"""
+FORMATS = (".mcap", ".json", ".parquet", ".rrd", ".xml")
+"""Endings of the formats that heli3dof writes, in addition to those of the importers"""
 
 
 def stem(path: Path) -> str:
@@ -79,6 +81,25 @@ def check_outputs(*outputs: Path | None, force: bool, inputs: Iterable[Path] = (
                 fix="give each output its own name",
             )
         seen.append(path.absolute())
+
+
+def check_ending(path: Path, ending: str) -> None:
+    """Raise UsageError if the name of a file in the format ``ending`` has another format's ending.
+
+    heli3dof reads a file by the ending of its name, so it could not read this one. Any other name
+    is permitted.
+    """
+    from heli3dof.recording.logs.importers import endings
+
+    others = {*endings(), *FORMATS} - {ending}
+    wrong = next((e for e in others if path.name.lower().endswith(e)), None)
+    if wrong is not None and not path.name.lower().endswith(ending):
+        name = quoted(stem(path) + ending)
+        raise UsageError(
+            f"{path} would be a {ending} file, but its name ends in {wrong}.",
+            cause="the output was given the name of a file of another format.",
+            fix=f"-o {name}, then heli3dof export {name}; in Python the function export",
+        )
 
 
 def check_output(path: Path, *, force: bool) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.atomic_write import new_file
+from heli3dof.recording.atomic_write import check_ending, new_file
 from heli3dof.recording.mcap_files.flight_recorder import profile_record
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, write_rows
 from heli3dof.recording.mcap_files.schema import (
@@ -43,11 +43,13 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     """Write a recording to the MCAP file ``path`` and return the path.
 
     `read_recording` restores equal arrays, channels and meta. Raises OutputExists if the
-    file exists, unless ``force``; UsageError or NoSpace if the file cannot be written.
+    file exists, unless ``force``; UsageError (for
+    instance another format's ending, such as .csv) or NoSpace if the file cannot be written.
     """
+    path = Path(path)
+    check_ending(path, ".mcap")
     rows, names, absent = encode(recording)
     form = RowFormat(layouts_with(names))
-    path = Path(path)
     with new_file(path, force=force) as stream:
         write_rows(stream, form, rows, names, metadata(recording, absent))
     return path

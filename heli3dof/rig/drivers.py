@@ -6,6 +6,7 @@ that cannot be imported causes a warning when rigs are listed, and an error for 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
@@ -109,18 +110,23 @@ def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
 
 MOCK = "mock:"
 """URL of the emulated rig"""
+DEVICE_VARIABLE = "HELI3DOF_DEVICE"
+"""Environment variable with the URL of the rig to use if none is given"""
 
 
 def default_device() -> str:
-    """Return the real rig's URL if exactly one is found; `MOCK`, the emulated rig's, if none is.
+    """Return the URL in the environment variable `DEVICE_VARIABLE`; without it, of the rig found.
 
-    Raises UsageError if several real rigs are found.
+    That is the real rig if exactly one is found, and `MOCK`, the emulated rig, if none is. Raises
+    UsageError if several real rigs are found.
     """
+    if url := os.environ.get(DEVICE_VARIABLE):
+        return url
     real = [url for _, urls, _ in find_rigs() for url in urls if not is_private(url)]
     if len(real) > 1:
         raise UsageError(
             f"Several rigs were found: {', '.join(real)}.",
             cause="no device was given.",
-            fix=f"--device {quoted(real[0])}, or export HELI3DOF_DEVICE={quoted(real[0])}",
+            fix=f"--device {quoted(real[0])}, or export {DEVICE_VARIABLE}={quoted(real[0])}",
         )
     return real[0] if real else MOCK

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from heli3dof.comparison.compare import compare
@@ -24,6 +25,14 @@ def test_the_repr_is_three_lines_with_each_models_errors(comparison: Comparison)
     assert first.startswith("Comparison of hover, weak with 2 recordings")
     assert second.startswith("  one, closed-loop replay: hover 0.00, 0.00, 0.00; weak ")
     assert third.startswith("  two, multi-step prediction: hover ")
+
+
+def test_the_summary_has_a_dash_for_an_axis_without_an_error() -> None:
+    one_axis = flight(name="one")
+    one_axis.angle[:, 2] = np.nan
+    comparison = compare([one_axis], [FakeHover()])
+    assert "nan" not in comparison.summary()
+    assert ", –" in repr(comparison)
 
 
 def test_the_summary_has_the_warnings(comparison: Comparison) -> None:

@@ -124,6 +124,7 @@ def test_a_nan_is_left_out_and_counted() -> None:
             lambda r: _set(r, "angle", np.s_[:, 1:], np.nan),
             "not usable alone: it holds roll, but not pitch",
         ),
+        (lambda r: _set(r, "angle", np.s_[:], np.nan), "holds no angle"),
         (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant throughout"),
         (lambda r: _set(r, "t", np.s_[500], r.t[499]), "does not increase at row 500"),
     ],

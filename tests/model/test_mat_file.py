@@ -10,6 +10,7 @@ import pytest
 from scipy.io import loadmat
 from scipy.linalg import expm
 
+import heli3dof as h3
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.model import LinearModel
@@ -93,3 +94,15 @@ def test_an_axis_that_the_model_lacks_is_no_output(tmp_path: Path) -> None:
 def test_every_number_is_finite(tmp_path: Path, name: str) -> None:
     found = read(save_mat(nominal(PROFILE), tmp_path / "a.mat"))
     assert np.isfinite(found[name]).all()
+
+
+def test_export_takes_a_model_as_well(tmp_path: Path) -> None:
+    model = h3.hover_model(h3.default_profile())
+    written = h3.export(model, tmp_path / "x.mat")
+    assert loadmat(written)["A"].shape == (6, 6)
+    with pytest.raises(h3.OutputExists):
+        h3.export(model, tmp_path / "x.mat")
+    with pytest.raises(
+        h3.UsageError, match=r"A model can be exported as \.mat only, not as x\.csv"
+    ):
+        h3.export(model, tmp_path / "x.csv")

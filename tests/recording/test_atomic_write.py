@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+import heli3dof as h3
 from heli3dof.errors import NoSpace, OutputExists, UsageError
-from heli3dof.recording.atomic_write import file_name, new_file, stem, unused
+from heli3dof.recording.atomic_write import check_ending, file_name, new_file, stem, unused
 
 
 @pytest.mark.parametrize(
@@ -90,3 +91,22 @@ def test_a_default_name_is_numbered_if_it_exists(tmp_path: Path) -> None:
 def test_a_file_name_is_one_component_of_a_path() -> None:
     assert file_name("../..\\x\0y\n") == "..-..-x-y-"
     assert file_name("cable.yaw:0.1 ψ") == "cable.yaw:0.1 ψ"
+
+
+def test_a_recording_or_model_is_not_written_under_another_formats_ending(tmp_path: Path) -> None:
+    plan, model = h3.step_plan((5.0, None, None)), h3.hover_model(h3.default_profile())
+    with pytest.raises(UsageError, match=r"heli3dof export o\.mcap; in Python the function export"):
+        h3.fly_plan(plan, output=tmp_path / "o.csv")
+    recording = h3.simulate(plan, model, start="level")
+    for name in ("w.csv", "w.CSV.gz", "w.mat", "w.json", "w.parquet"):
+        with pytest.raises(UsageError, match=r"would be a \.mcap file"):
+            h3.write_recording(recording, tmp_path / name)
+    for name in ("m.mat", "m.mcap"):
+        with pytest.raises(UsageError, match=r"would be a \.json file"):
+            h3.save_model(model, tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.MCAP", "a", "step-1.5V", "/dev/stdout"])
+def test_any_other_name_is_permitted(name: str) -> None:
+    check_ending(Path(name), ".mcap")

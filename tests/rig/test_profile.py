@@ -170,3 +170,16 @@ def test_the_repr_has_at_most_three_lines() -> None:
     text = repr(default_profile())
     assert "table-1" in text
     assert len(text.splitlines()) <= 3
+
+
+def test_a_value_where_a_table_belongs_is_named_as_such() -> None:
+    with pytest.raises(ProfileError, match=r"the content = \[1\] is not a table of keys"):
+        profile_from_dict([1])  # type: ignore[arg-type]
+    with pytest.raises(ProfileError, match=r"motor = 3 is not a table of keys"):
+        profile_from_dict({**TABLE_I, "motor": 3})
+
+
+def test_a_dict_that_lacks_a_key_is_called_incomplete() -> None:
+    with pytest.raises(ProfileError, match=r"'loop\.rate_hz' is missing") as caught:
+        profile_from_dict({k: v for k, v in TABLE_I.items() if k != "loop"})
+    assert "cut short" not in caught.value.cause

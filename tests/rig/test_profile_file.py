@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+import heli3dof as h3
 from heli3dof.errors import UsageError
 from heli3dof.rig.profile import TABLE_I, Profile, default_profile, profile_from_dict
 from heli3dof.rig.profile_file import Change, changed_text, new_text, settings
@@ -64,3 +67,15 @@ def test_a_setting_is_toml_or_plain_text(word: str, value: object) -> None:
 def test_a_setting_without_a_value_is_refused() -> None:
     with pytest.raises(UsageError, match="KEY=VALUE"):
         settings(["geometry.L_a"])
+
+
+@pytest.mark.parametrize("changed", [{}, {"controller": None}, {"name": 'a "b"'}])
+def test_a_profile_is_saved_and_loaded_from_python(tmp_path: Path, changed: dict[str, Any]) -> None:
+    data = {**h3.default_profile().to_dict(), **changed}
+    data = {k: v for k, v in data.items() if v is not None}
+    data["motor"]["K_f"] = 0.12
+    profile = h3.profile_from_dict(data)
+    path = h3.save_profile(profile, tmp_path / "rig.toml")
+    assert h3.load_profile(path) == profile
+    with pytest.raises(h3.OutputExists):
+        h3.save_profile(profile, path)

@@ -34,7 +34,7 @@ Message = Callable[[str], None]
 Fly = Callable[[Plan, Path, int], Recording]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AutoResult:
     """The flights of an automatic run and the diagnosis of all of them."""
 
@@ -45,6 +45,13 @@ class AutoResult:
     next_experiment: NextExperiment | None
     ended: str
     """Why the run ended"""
+
+    def __repr__(self) -> str:
+        return (
+            f"<AutoResult: {len(self.paths)} flight(s) in {self.folder},\n"
+            f" {_sentence(self.diagnosis, self.next_experiment)};\n"
+            f" ended: {self.ended}>"
+        )
 
 
 def run_auto(

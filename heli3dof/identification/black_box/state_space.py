@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -65,12 +66,12 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         model=chosen.model,
         order=chosen.model.order,
         interval_s=T,
-        innovations=lambda p, runs: innovations(chosen, p, runs),
+        innovations=partial(innovations, chosen),
         poles=rightmost_first(found),
         transfer=TransferFunctions(num, den, covariance),
         candidates=tuple(tried),
         warnings=tuple(warnings),
-        response=lambda omega: _response(chosen, omega),
+        response=partial(_response, chosen),
     )
 
 

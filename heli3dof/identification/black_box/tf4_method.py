@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -70,11 +71,11 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         model=model,
         order=4,
         interval_s=d.interval_s,
-        innovations=lambda p, runs: simulation_errors(model, p, runs, d.interval_s),
+        innovations=partial(simulation_errors, model, interval_s=d.interval_s),
         poles=rightmost_first(found),
         transfer=fitted.transfer,
         warnings=(FOURTH_ORDER,),
-        response=lambda omega: _response(model, omega),
+        response=partial(_response, model),
     )
 
 

@@ -9,6 +9,7 @@ collects all results in a `FitResult`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -77,14 +78,27 @@ def linear_quantities(
     T = np.array([(c.coefficients() - c0) / e for c, e in zip(moved, steps, strict=True)]).T
     num, den = numerators(here)
 
-    def response(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        G0 = here.response(omega)
-        dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])
-        var = np.einsum("iabc,ij,jabc->abc", dG.real, cov, dG.real)
-        var += np.einsum("iabc,ij,jabc->abc", dG.imag, cov, dG.imag)
-        return G0, np.sqrt(np.maximum(var, 0))
-
+    response = partial(_response, here, moved, steps, cov)  # unlike a closure, it can be pickled
     return rightmost_first(poles), TransferFunctions(num, den, T @ cov @ T.T), response
+
+
+def _response(
+    here: Continuous,
+    moved: Sequence[Continuous],
+    steps: np.ndarray,
+    cov: np.ndarray,
+    omega: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the response of ``here`` at ω (F,) rad/s, and its standard deviation.
+
+    ``moved``: the models with each scaled parameter moved by its step, ``steps`` (n,). ``cov``
+    (n, n): covariance of the scaled parameters.
+    """
+    G0 = here.response(omega)
+    dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])
+    var = np.einsum("iabc,ij,jabc->abc", dG.real, cov, dG.real)
+    var += np.einsum("iabc,ij,jabc->abc", dG.imag, cov, dG.imag)
+    return G0, np.sqrt(np.maximum(var, 0))
 
 
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
@@ -121,7 +135,7 @@ def fit_result(
         model=model,
         order=len(poles),
         interval_s=dt,
-        innovations=lambda p, runs: innovations(model, p, runs),
+        innovations=partial(innovations, model),
         poles=poles,
         transfer=transfer,
         parameters=parameters,

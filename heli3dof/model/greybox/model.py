@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -72,11 +71,6 @@ class GreyBoxModel:
     def std(self) -> np.ndarray:
         """Return the standard deviations (n,) of the parameter values, in their units."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @cached_property
-    def _filtered(self) -> WeakKeyDictionary[Recording, Any]:
-        """Return the cache {recording: result of `heli3dof.model.greybox.prediction.filtered`}."""
-        return WeakKeyDictionary()
 
     def __repr__(self) -> str:
         effects = ", ".join(self.terms[:4]) + (", …" if len(self.terms) > 4 else "")

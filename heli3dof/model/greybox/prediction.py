@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -129,6 +130,12 @@ class Flight:
         return float(np.median(self.h))
 
 
+_FILTERED: WeakKeyDictionary[
+    GreyBoxModel, WeakKeyDictionary[Recording, tuple[Flight, np.ndarray]]
+] = WeakKeyDictionary()
+"""Results of `filtered` by model and recording; outside of the model, which can then be pickled"""
+
+
 def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
@@ -140,9 +147,10 @@ def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.n
     out = np.full((N, 3), np.nan)
     if n >= N:
         return out
-    if recording not in model._filtered:
-        model._filtered[recording] = filtered(model, recording)
-    flight, X = model._filtered[recording]
+    known = _FILTERED.setdefault(model, WeakKeyDictionary())
+    if recording not in known:
+        known[recording] = filtered(model, recording)
+    flight, X = known[recording]
     starts = np.flatnonzero(~np.isnan(X[: N - n, 0]))
     flight = replace(flight, starts=starts)
     predicted = predictions(

@@ -145,16 +145,20 @@ class LinearModel:
 
         return continuous(self)
 
-    def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
+    def to_control(
+        self, *, in_continuous_time: bool = False, dt: float | None = None
+    ) -> control.StateSpace:
         """Return a python-control ``StateSpace`` from motor voltages (V) to angles (rad).
 
         Inputs and outputs are differences from the trim. The states of the hover model are r, p,
-        psi and their rates; the states of other models are x[0], x[1], …
+        psi and their rates; the states of other models are x[0], x[1], … Sampled every ``dt`` s
+        (default: the model's interval; see `at`) or in continuous time.
         """
         from heli3dof.model.discretisation import HOVER_STATES, to_control
 
         states = HOVER_STATES if self.physical_state else None
-        return to_control(self, in_continuous_time=in_continuous_time, states=states)
+        model = self if dt is None else self.at(dt)
+        return to_control(model, in_continuous_time=in_continuous_time, states=states)
 
     def to_transfer_function(self) -> control.TransferFunction:
         """Return the 3 × 2 transfer functions in s (rad/V) as a python-control object."""

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from heli3dof.errors import UsageError, did_you_mean, quoted
+from heli3dof.errors import UsageError, quoted
 from heli3dof.recording.atomic_write import check_output, write_file
 from heli3dof.recording.columns import export_columns
 from heli3dof.recording.mcap_files.mcap_writer import to_json
@@ -46,7 +46,7 @@ def check_format(path: Path) -> None:
         first, *others = FORMATS
         raise UsageError(
             f"There is no export format {ending!r}.",
-            cause=f"a typing error; {did_you_mean(ending, tuple(FORMATS))}",
+            cause="the ending of the file's name selects the format.",
             fix=f"-o {quoted(path.stem)}{first} (or {', '.join(others)})",
         )
 

@@ -15,7 +15,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from heli3dof.errors import RecordingError, quoted
-from heli3dof.recording.atomic_write import check_outputs, new_file
+from heli3dof.recording.atomic_write import check_ending, check_outputs, new_file
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
     Scan,
@@ -87,6 +87,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
             fix="repeat the experiment",
         )
     check_outputs(output, force=force, inputs=[path])
+    check_ending(output, ".mcap")
     times = saved.rows[SAMPLE.name]["t_s"]
     result = Recovery(
         output,

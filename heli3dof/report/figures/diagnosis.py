@@ -1,24 +1,63 @@
-"""Draw the evidence for a cause: residual torque over the variable on which the cause depends.
+"""Draw a diagnosis: its prediction errors by axis, and the evidence for each cause.
 
-Points are the residual torque of the model without the cause, with error bars of one standard
-error. The line is the cause's torque as fitted to the innovations of the Kalman filter, not to the
-points.
+The evidence is the residual torque over the variable on which the cause depends. Points are the
+residual torque of the model without the cause, with error bars of one standard error. The line is
+the cause's torque as fitted to the innovations of the Kalman filter, not to the points.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.diagnosis.validation.gain import HORIZON_S
+from heli3dof.errors import UsageError
 from heli3dof.report.figures.labelled_curves import headline
 from heli3dof.report.figures.style import EXTENDED, GRID, INK, RC, SOFT, plain
 from heli3dof.report.figures.torque_curve import TorqueCurve
-from heli3dof.report.text.diagnosis_sentences import variable
+from heli3dof.report.text.diagnosis_sentences import number, variable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROOM = 1.35
 """Ratio of a figure's vertical range to the range of the measured points in it (a convention)"""
+
+
+def diagnosis_figure(found: Diagnosis) -> Figure:
+    """Draw the held-out RMSE by axis: refitted simulation, extended model, noise floor.
+
+    Raises UsageError if the recordings could not be fitted.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    f = found.fitted
+    if f is None:
+        raise UsageError(
+            "There is no figure of this diagnosis.",
+            cause=f"its verdict is {found.verdict}: nothing was fitted.",
+            fix="print its summary()",
+        )
+    bars = {
+        "refitted simulation": (f.gain.before, INK),
+        "extended model": (f.gain.after, EXTENDED.color),
+        "noise floor": (f.noise_floor, SOFT),
+    }
+    with matplotlib.rc_context(RC):
+        height = 3.6
+        figure = Figure(figsize=(6.4, height))
+        axes = figure.add_axes((0.125, 0.35 / height, 0.845, (height - 0.35 - 0.5) / height))
+        for n, (label, (error, color)) in enumerate(bars.items()):
+            x = [i + 0.27 * (n - 1) for i in range(len(AXES))]
+            y = [number(error.get(axis)) for axis in AXES]
+            axes.bar(x, y, width=0.25, color=color, label=label)
+        axes.set_xticks(range(len(AXES)), AXES)
+        axes.set_ylabel("RMSE (°)")
+        axes.legend(loc="best", fontsize=8.5)
+        headline(figure, f"Errors of {HORIZON_S:g} s predictions: {found.verdict}", height)
+    return figure
 
 
 def evidence_figure(e: TorqueCurve) -> Figure:

@@ -70,5 +70,5 @@ def figure_data(
         f.before,
         f.after,
         flown,
-        [r.name for r in unseen],
+        found.holdout or found.recordings,
     )

@@ -77,16 +77,23 @@ def flight_report(
     models: Models = (),
     comparison: Comparison | None = None,
     identified: Sequence[Identification] = (),
-    diagnosed: Diagnosed | None = None,
+    diagnosed: Diagnosis | Diagnosed | None = None,
     reproduced: Sequence[Reproduced] = (),
     title: str = "",
 ) -> str:
     """Return the report of ``recordings`` as an HTML document.
 
-    ``models``: as of `heli3dof.comparison.compare.compare`. ``reproduced``: the result of
-    `heli3dof.paper.reproduction.reproduce`.
+    ``models``: as of `heli3dof.comparison.compare.compare`. ``diagnosed`` is the result of
+    `heli3dof.diagnose`. Its replays are drawn for those of ``recordings`` that were held out, or
+    fitted if none was. ``reproduced`` is the result of `heli3dof.paper.reproduction.reproduce`.
     """
     models = models(recordings[0]) if callable(models) else models
+    if isinstance(diagnosed, Diagnosis):
+        fitted, held = (
+            [r for r in recordings if r.name in names]
+            for names in (diagnosed.recordings, diagnosed.holdout)
+        )
+        diagnosed = Diagnosed(diagnosed.to_dict(), figure_data(diagnosed, fitted, held))
     names = ", ".join(r.name for r in recordings)
     warnings = [warning(w) for w in _warnings(recordings, comparison)]
     diagnosis = [] if diagnosed is None else [diagnosis_section(diagnosed.document, diagnosed.data)]

@@ -35,6 +35,11 @@ def diagnosis_summary(document: Document) -> list[str]:
     ]
 
 
+def diagnosis_text(document: Document) -> str:
+    """Return the summary as one text."""
+    return "\n".join(diagnosis_summary(document))
+
+
 def faults(document: Document) -> list[str]:
     """Return sentences on faults: those that end the diagnosis, and timing effects such as jitter.
 

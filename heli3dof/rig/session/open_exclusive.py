@@ -34,7 +34,22 @@ def open_rig(
     also: Callable[[], Mapping[str, Any]] = dict,
     began_ns: int | None = None,
 ) -> Iterator[StoppableRig]:
-    """Context manager: open and lock the rig; close and unlock it at the end.
+    """Context manager: open and lock the rig; close it, with the motors at zero, at the end.
+
+    An example that commands 7 V for 0.2 s:
+
+    >>> import heli3dof as h3
+    >>> profile = h3.default_profile()
+    >>> with h3.open_rig("mock:?speed=max", profile) as rig:
+    ...     sample = rig.arm()
+    ...     for k in range(1, 101):
+    ...         sample = rig.exchange(h3.Command(k, 7.0, 7.0), sample.host_time_s + profile.dt)
+    >>> sample.v_applied
+    (7.0, 7.0)
+
+    ``exchange`` clips the voltages to the profile's ``motor.v_max``, and ``heli3dof estop`` and the
+    device's watchdog stop the motors. No safety monitor runs: no limit of angle, rate or slew
+    applies, and the motors are not ramped down. `heli3dof.fly_plan` has both.
 
     ``device``: the rig's URL. ``doing``: what the session does, for messages; default: the command
     line. ``also`` returns entries to add to the state that other processes read. ``began_ns``:
@@ -55,7 +70,7 @@ def open_rig(
         if not session.private:
             remember(device, opened.identity.serial)
         rest = COUNTS_AT_POWER_UP if session.private else rest_counts_of(opened.identity)
-        rig = StoppableRig(opened, session, rest)
+        rig = StoppableRig(opened, session, rest, profile.motor.v_max)
         try:
             session.state = lambda: {**state_of(rig, profile), **also()}
             yield rig

@@ -1,4 +1,4 @@
-"""Wraps a rig: other processes can stop it, and its encoder counts are zero at the rest angles.
+"""Wraps a rig: other processes can stop it; its counts are zero at rest, its voltages limited.
 
 If another process requests an emergency stop, the next calls do this::
 
@@ -17,6 +17,8 @@ checks in each attempt (`heli3dof.rig.interface.ArmsWithPermission`).
 
 from __future__ import annotations
 
+import math
+
 from heli3dof.errors import SafetyTrip
 from heli3dof.rig.calibration import COUNTS_AT_POWER_UP, RestCounts
 from heli3dof.rig.interface import (
@@ -33,11 +35,19 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """A rig that its session can stop, and whose encoder counts are zero at the rest angles."""
+    """A rig that its session can stop, with counts from the rest angles and limited voltages."""
 
-    def __init__(self, rig: Rig, session: Session, rest: RestCounts = COUNTS_AT_POWER_UP) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        session: Session,
+        rest: RestCounts = COUNTS_AT_POWER_UP,
+        v_max: float = math.inf,
+    ) -> None:
+        """``v_max``: largest voltage, V; by default only the device limits it."""
         self.inner, self.session = rig, session
         self.rest = rest
+        self.v_max = v_max
         self.last: Sample | None = None
         """The last sample, for other processes"""
         if isinstance(rig, ArmsWithPermission):
@@ -74,6 +84,19 @@ class StoppableRig:
         return sample
 
     def exchange(self, command: Command, due_s: float) -> Sample:
+        """Apply the command's voltages now; return the sample at the end of the control period.
+
+        The voltages are clipped to the profile's ``motor.v_max``. The device stops its motors at a
+        NaN, and if no command follows within `Identity.watchdog_s`. ``due_s``: the end of the
+        period, s on the host's monotonic clock.
+        """
+        v = self.v_max
+        if not (-v <= command.v_front <= v and -v <= command.v_back <= v):
+            front, back = (
+                x if math.isnan(x) else max(-v, min(v, x))
+                for x in (command.v_front, command.v_back)
+            )
+            command = Command(command.sequence, front, back)
         if self.session.stop_reason is not None:
             self._stop(self.session.stop_reason)
             command = Command(command.sequence, 0.0, 0.0)

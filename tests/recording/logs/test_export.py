@@ -115,7 +115,8 @@ def test_export_never_overwrites_without_force(tmp_path: Path, name: str) -> Non
     assert path.read_bytes()[:8] != b"precious"
 
 
-def test_an_unknown_ending_names_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="There is no export format") as caught:
-        export(flight(20), tmp_path / "a.parket")
-    assert "'.parquet'" in caught.value.cause
+def test_an_unknown_ending_names_the_known_ones_and_suggests_none(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"There is no export format '\.txt'") as caught:
+        export(flight(20), tmp_path / "a.txt")
+    assert "did you mean" not in str(caught.value)
+    assert ".parquet" in str(caught.value.fix)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import doctest
+import inspect
+import math
 import os
 from dataclasses import replace
 
@@ -27,6 +30,26 @@ def test_without_a_stop_commands_pass_unchanged(rig):
     rig.arm()
     assert rig.exchange(Command(1, 3.0, 4.0), 0.0).v_applied == (3.0, 4.0)
     assert rig.inner.stopped == []
+
+
+def test_an_open_rig_never_gets_more_than_the_profiles_voltage(monkeypatch):
+    only_drivers(monkeypatch, fake=FakeDriver())
+    profile = default_profile()
+    limit = profile.motor.v_max
+    with open_rig("fake://1", profile) as rig:
+        rig.arm()
+        assert rig.exchange(Command(1, 100.0, -math.inf), 0.0).v_applied == (limit, -limit)
+        assert rig.exchange(Command(2, limit, -limit), 0.0).v_applied == (limit, -limit)
+        front, back = rig.exchange(Command(3, math.nan, 100.0), 0.0).v_applied
+    assert math.isnan(front)  # the device stops at it: a limit of it would be a voltage
+    assert back == limit
+
+
+def test_the_example_of_open_rig_runs():
+    text = inspect.getdoc(open_rig)
+    example = doctest.DocTestParser().get_doctest(text, {}, "open_rig", None, 0)
+    assert len(example.examples) == 4
+    assert doctest.DocTestRunner().run(example).failed == 0
 
 
 def test_a_stop_is_executed_once_and_confirmed_before_the_next_command(rig):
