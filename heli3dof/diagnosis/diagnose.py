@@ -142,7 +142,7 @@ def _diagnosed(
     settled = replace(settled, findings=findings)
     if settled.residual_torques:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
-    extended = with_torques(setup, settled.fit, settled.after, settled.residual_torques, held)
+    extended = with_torques(setup, settled, held)
     clock.start("gain", "Measuring the gain on held-out data …")
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
@@ -161,9 +161,8 @@ def _diagnosed(
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
     without_verdict = Diagnosis(
-        *names, "", faults, result, settled.findings, off,
-        (*settled.dropped, *extended.dropped),
-        residual_torques=extended.torques, slow_noise=settled.slow_noise, about=about,
+        *names, "", faults, result, extended.findings, off, extended.dropped,
+        residual_torques=extended.residual_torques, slow_noise=extended.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(

@@ -113,7 +113,7 @@ RULES = (
     ),
     Rule(
         "a formula competes with causes",
-        DIAGNOSIS + "conclusion.formula_contest:replaced_by_formula",
+        DIAGNOSIS + "conclusion.compensating_causes:replaced_by_formula",
         _always(None),
     ),
     Rule(
@@ -188,12 +188,12 @@ RULES = (
     ),
     Rule(
         "predictions confirm a formula (controller unknown)",
-        DIAGNOSIS + "conclusion.formula_contest:predictions_agree",
+        DIAGNOSIS + "conclusion.compensating_causes:predictions_agree",
         _always(True),
     ),
     Rule(
         "flights confirm a formula (controller known)",
-        DIAGNOSIS + "conclusion.formula_contest:simulations_agree",
+        DIAGNOSIS + "conclusion.compensating_causes:simulations_agree",
         _always(True),
     ),
     Rule(
