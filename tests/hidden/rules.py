@@ -218,7 +218,7 @@ RULES = (
     ),
     Rule(
         "the noise floor contains coloured noise",
-        DIAGNOSIS + "validation.coloured_noise:coloured_variance",
+        DIAGNOSIS + "validation.simulation_error:coloured_variance",
         lambda rule, model, recordings, horizons_s: np.zeros((len(horizons_s), len(AXES))),
     ),
 )

@@ -113,10 +113,10 @@ def diagnose_without_likelihood(
     faults: tuple[Fault, ...],
     *,
     why: str,
-    base: str = "rigid",
-    quick: bool = False,
-    seed: int = 0,
-    progress: Progress = lambda sentence: None,
+    base: str,
+    quick: bool,
+    seed: int,
+    progress: Progress,
 ) -> Diagnosis:
     """Return the diagnosis of recordings that passed the integrity checks, with their ``faults``.
 

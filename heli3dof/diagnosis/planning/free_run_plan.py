@@ -91,7 +91,7 @@ def next_free_flight(
     default all.
     """
     parameters = open_parameters(open_)
-    if not parameters or not is_stable(model, model.profile):
+    if not parameters or not is_stable(model):
         return None
     loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
     H = marginal(open_.fit.information, open_.fit.problem.n)

@@ -100,7 +100,7 @@ def recommend(
     o = base.optimum
     models = [model_at(base.problem, o.theta, o.noise), *(_model_with(base, c) for c in causes)]
     tasks = []
-    if all(is_stable(model, profile) for model in models):
+    if all(map(is_stable, models)):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
     outlooks = _outlooks(base, tasks, models, groups)

@@ -3,7 +3,7 @@
 A fit has p scaled parameters θ (`FreeParameter.scaled`), with prior mean θ_0 and information Λ.
 T (p, E) are the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings'
 information. D (K, E) are the derivatives by K coefficients of free-form torques
-(`unmodelled.hat_functions`). Then
+(`unmodelled.residual_torque`). Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
@@ -33,9 +33,10 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import LEAST_SHARE
 from heli3dof.diagnosis.screening.catalogue import candidates, probes
 from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.unmodelled.hat_functions import Hats, hats
 from heli3dof.diagnosis.unmodelled.residual_torque import (
+    Hats,
     LinearisedRun,
+    hats,
     linearised_run,
     linearised_run_at,
 )

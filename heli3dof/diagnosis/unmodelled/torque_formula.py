@@ -35,8 +35,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
-from heli3dof.diagnosis.unmodelled.hat_functions import hats, sums_along
-from heli3dof.diagnosis.unmodelled.residual_torque import UNITS
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hats, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
     evidence_without_nulls,
@@ -194,7 +193,7 @@ def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def spline_score(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
     """Return the test statistic S and rank r of a piecewise linear torque of ``variable``.
 
-    S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or if the flight contains no
+    S is 0 if the variable's range is below `MIN_RANGE` of its unit, or if the flight contains no
     information about the torque.
     """
     flight = x.flight

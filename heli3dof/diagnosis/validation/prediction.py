@@ -1,11 +1,8 @@
-"""Compute a model's prediction errors from filtered states, and their noise floor.
+"""Compute a model's prediction errors from filtered states.
 
     e_i = y_i[k + n] − ŷ_i[k + n]       rad, of axis i, n rows ahead
 
-The prediction ŷ starts from the filter's state at row k and uses the recorded voltages. The noise
-floor is the error that the true model would have in white noise. If the controller is known, it is
-the error on simulated flights of the model. Otherwise it is √(P + Δ²/12), with the filter's
-variance P predicted to the horizon and the encoder step Δ.
+The prediction ŷ starts from the filter's state at row k and uses the recorded voltages.
 """
 
 from __future__ import annotations
@@ -15,18 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
-from heli3dof.errors import RecordingError
-from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.row_selection import usable_runs
-from heli3dof.model.control.voltage_replay import controller_is_known
-from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import NOISE
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.1, 0.3, 1.0, 3.0)
@@ -92,7 +83,7 @@ def prediction_errors(
 
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))
-    starts, rows = starts_of(d) if starts is None else starts, _rows_ahead(d, horizons_s)
+    starts, rows = starts_of(d) if starts is None else starts, rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
     inside = np.zeros(len(d.t), dtype=bool)
     for _, start, stop in d.blocks:
@@ -109,65 +100,14 @@ def prediction_errors(
 
 
 def model_errors(
-    model: GreyBoxModel,
-    recordings: Sequence[Recording],
-    horizons_s: Sequence[float] = HORIZONS_S,
+    model: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Likelihood, PredictionErrors]:
-    """Return the likelihood of the recordings, and the model's prediction errors on them."""
+    """Return the recordings' likelihood, and the model's prediction errors at `HORIZONS_S`."""
     problem = problem_of(model.structure, recordings)
     theta = problem.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
-    return problem, prediction_errors(problem, theta, X, horizons_s)
-
-
-def floor_deg(
-    model: GreyBoxModel, recordings: Sequence[Recording], *, flights: int = 2, seed: int = 0
-) -> tuple[np.ndarray, str]:
-    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
-
-    The floor comes from simulated flights. If the controller is unknown, or a simulated flight has
-    no usable rows (as with an unstable model), it comes from the filter's covariance.
-    """
-    by_formula = "the filter's covariance"
-    if not controller_is_known(recordings):
-        return covariance_floor_deg(model, recordings), by_formula
-
-    def simulated_mean_square(replication: int) -> np.ndarray:
-        rng = np.random.default_rng([seed, 77, replication])
-        simulated = [simulated_flight(model, r, rng) for r in recordings]
-        return mean_square(model_errors(model, simulated)[1].errors)
-
-    try:
-        squares = parallel_map(simulated_mean_square, flights)
-    except RecordingError:
-        return covariance_floor_deg(model, recordings), by_formula
-    return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
-
-
-def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
-    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, from the filter's variances."""
-    from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
-
-    problem = problem_of(model.structure, recordings)
-    noise = noise_of(model)
-    flight = linearised_run_at(problem, problem.scaled(model.values), noise)
-    d, at = flight.data, flight.at
-    starts, rows = starts_of(d), _rows_ahead(d, HORIZONS_S)
-    out = np.full((len(starts), len(rows), 3), np.nan)
-    P0 = np.zeros((len(d.blocks), 6))
-    P0[:, :3] = np.where(d.grid > 0, d.grid**2 / 12, problem.encoder_noise)
-    P0[:, 3:] = RATE_0**2
-    P0 *= np.hstack([d.free, d.free])
-    prediction_variances(
-        d.blocks, d.free, d.t, d.h, flight.A, flight.slope, at.row, at.state, at.w, at.K,
-        noise[:3] ** 2, P0, starts, rows, out,
-    )  # fmt: skip
-    rounding = np.where(d.axes, (d.grid**2).max(axis=0) / 12, np.nan)
-    finite = np.isfinite(out)
-    count = np.maximum(finite.sum(axis=0), 1)
-    mean = np.where(finite.any(axis=0), np.where(finite, out, 0.0).sum(axis=0) / count, np.nan)
-    return np.asarray(np.degrees(np.sqrt(mean + rounding)))
+    return problem, prediction_errors(problem, theta, X, HORIZONS_S)
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
@@ -195,6 +135,7 @@ def starts_of(d: Data) -> np.ndarray:
     return np.concatenate(out).astype(np.int64)
 
 
-def _rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
+def rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
+    """Return the horizons (H,) in rows of the data."""
     dt = float(np.median(d.h))
     return np.array([max(1, round(h / dt)) for h in horizons_s], dtype=np.int64)
