@@ -21,9 +21,12 @@ from typing import NamedTuple
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
+from heli3dof.diagnosis.conclusion.confounded_parameters import (
+    ROLL_OFFSET,
+    last_step_with_causes,
+    with_confounded_causes,
+)
 from heli3dof.diagnosis.conclusion.doubtful_findings import marked_if_doubtful
-from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
-from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed

@@ -12,7 +12,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal, finding_of
-from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.result import (

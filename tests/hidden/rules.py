@@ -98,7 +98,7 @@ RULES = (
     ),
     Rule(
         "full fits tie causes with an inertia",
-        DIAGNOSIS + "conclusion.inertia_ties:instead_of_inertia",
+        DIAGNOSIS + "conclusion.confounded_parameters:instead_of_inertia",
         _always([]),
     ),
     Rule(
@@ -138,12 +138,12 @@ RULES = (
     ),
     Rule(
         "causes confounded with an inertia",
-        DIAGNOSIS + "conclusion.inertia_ties:with_confounded_causes",
+        DIAGNOSIS + "conclusion.confounded_parameters:with_confounded_causes",
         _argument(0),
     ),
     Rule(
         "encoder scales confounded with causes",
-        DIAGNOSIS + "conclusion.encoder_scales:with_scale_ties",
+        DIAGNOSIS + "conclusion.confounded_parameters:with_scale_ties",
         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
     ),
     Rule(

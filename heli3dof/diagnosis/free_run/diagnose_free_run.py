@@ -17,13 +17,14 @@ Such logs have an unknown controller, and sampling jitter or unmodelled fast mot
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
+from heli3dof.diagnosis.conclusion.confounded_parameters import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.doubtful_findings import marked_like
-from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
@@ -39,9 +40,9 @@ from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
     eliminate,
-    result_by_adding,
     with_confounded_terms,
     without_elimination,
+    without_term,
 )
 from heli3dof.diagnosis.free_run.free_run_gain import (
     FreeRun,
@@ -152,9 +153,9 @@ def diagnose_without_likelihood(
         as_profile = cross_validated([profile_model] * len(folds), whole)
     causes, only_kept = select_causes(result)
     causes = with_confounded_terms(result, causes, seed=seed, progress=progress)
-    if base == "hover" and not quick:
-        r = result_by_adding(result, "base.hover", "geometry", seed=seed)
-        causes += [r] * r.increase.significant
+    if base == "hover" and result.first is not None:  # the linear model cancels the geometry
+        r = without_term(result.first, "", seed=seed, instead="base.hover")
+        causes += [replace(r, term="geometry")] * r.increase.significant
         causes.sort(key=lambda r: -r.increase.value)
     progress(EACH)
     pairs = _without_each(result, causes, whole, held_out)
@@ -219,8 +220,8 @@ def _without_each(
             less = refit(begun, *removal.get(r.term, (r.term,)))
             return _predicted(less, whole, held), full
         assert result.last is not None
-        fits_with = r.trial.fits_with or tuple(fit for fit, _ in result.last.folds)
-        fits_without = r.trial.fits_without or [refit(f, r.term) for f in fits_with]
+        fits_with = r.fits_with or tuple(fit for fit, _ in result.last.folds)
+        fits_without = r.fits_without or [refit(f, r.term) for f in fits_with]
         a, b = (
             cross_validated([model_of(f, whole, "") for f in fits], whole)
             for fits in (fits_without, fits_with)

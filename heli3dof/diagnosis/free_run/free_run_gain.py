@@ -12,6 +12,7 @@ axes. The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,30 +29,27 @@ STEP_S = 0.25
 """s: interval of the horizons, the longest of which is `WINDOW_S`"""
 
 
+@dataclass(frozen=True, eq=False)
 class FreeRun:
     """A model's free-run prediction errors on recordings, in cells of time for the bootstrap."""
 
-    def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
-        self.e = e
-        """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `WINDOW_S`"""
-        self.cell = cell
-        """(S,) number of each prediction's cell"""
+    e: np.ndarray
+    """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `WINDOW_S`"""
+    cell: np.ndarray
+    """(S,) number of each prediction's cell"""
 
     @classmethod
     def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> FreeRun:
         each, cells, last = [], [], 0
+        horizons_s = np.arange(1, round(WINDOW_S / STEP_S) + 1) * STEP_S
         for r in recordings:
             flight = flight_of(r)
-            ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
+            ahead = np.array([round(h / r.dt) for h in horizons_s])
             each.append(free_run_errors(model, r, ahead))
             cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int) + last
             cells.append(cell)
             last = int(cell.max(initial=last)) + 1
         return cls(np.concatenate(each), np.concatenate(cells))
-
-    def select(self, rows: np.ndarray) -> FreeRun:
-        """Return the predictions that ``rows`` (S,) bool selects."""
-        return FreeRun(self.e[rows], self.cell[rows])
 
     def window_rmse_deg(self) -> dict[str, float]:
         """Return {axis: RMSE in degrees over all horizons up to `WINDOW_S`}."""
@@ -62,12 +60,14 @@ class FreeRun:
 
 def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
     """Return the errors of ``models``, one for each fold, on the test windows of their folds."""
-    parts = []
+    e, cell = [], []
+    flights = [flight_of(r) for r in recordings]
     for fold, model in enumerate(models):
-        flights = [flight_of(r) for r in recordings]
         test = [np.isin(f.starts, split_windows(f, fold)[1].starts) for f in flights]
-        parts.append(FreeRun.of(model, recordings).select(np.concatenate(test)))
-    return FreeRun(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
+        rows, run = np.concatenate(test), FreeRun.of(model, recordings)
+        e.append(run.e[rows])
+        cell.append(run.cell[rows])
+    return FreeRun(np.concatenate(e), np.concatenate(cell))
 
 
 def predicts_better(before: FreeRun, after: FreeRun) -> bool:

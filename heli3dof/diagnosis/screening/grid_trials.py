@@ -23,7 +23,7 @@ import numpy as np
 
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import better_noise
-from heli3dof.model.effects import Term, effects
+from heli3dof.model.effects import Term
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
@@ -43,17 +43,6 @@ class GridTrial:
     value: float
     gain: float
     """Δℓ"""
-
-
-def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
-    """Return the terms on ``axes`` that no score test detects (backlash), except ``without``."""
-    return [
-        t
-        for e in effects().values()
-        if e.starts and e.hooks
-        for t in ([Term(e, a) for a in e.axes if a in axes] if e.axes else [Term(e)])
-        if t.name not in without
-    ]
 
 
 def trials(

@@ -96,14 +96,6 @@ class Screen:
         """Return the names (P,) of the probes' terms, scans last."""
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
-    def information(self) -> np.ndarray:
-        """Return each probe's information on its first parameter, in 1/unit²; 0 for limits.
-
-        Scans are omitted.
-        """
-        size = np.array([p.size if p.grows else np.inf for p in self.plain])
-        return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
-
     def correlation(self, a: int, b: int) -> float:
         """Return the correlation ρ of the changes of predicted readings by probes ``a`` and ``b``.
 
@@ -142,7 +134,7 @@ class Screen:
             peak_z, values, time_shifts = scan.peak(evaluation, L[0], unit, information)
             z.append(peak_z)
             amplitude.append(values[0])
-            probes.append(Probe(scan.term, values, values[0], time_shifts=time_shifts))
+            probes.append(Probe(scan.term, values, time_shifts))
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
@@ -150,18 +142,14 @@ class Screen:
 
         The first array of values is without the effect, each further one at one probe.
         """
+        rows: dict[str, list[int]] = {}
+        for i, p in enumerate(self.plain):
+            rows.setdefault(p.name, []).append(i)
         out = []
-        names = [q.name for q in self.plain]
-        for name in dict.fromkeys(names):
-            rows = [i for i, other in enumerate(names) if other == name]
-            t = self.plain[rows[0]].term
-            wide, null = with_term(self.problem.structure, self.values, t)
-            out.append(
-                (
-                    rows, wide,
-                    [null, *(np.append(self.values, self.plain[i].values) for i in rows)],
-                )
-            )  # fmt: skip
+        for of_term in rows.values():
+            wide, null = with_term(self.problem.structure, self.values, self.plain[of_term[0]].term)
+            values = [np.append(self.values, self.plain[i].values) for i in of_term]
+            out.append((of_term, wide, [null, *values]))
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:

@@ -11,9 +11,9 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.screening import grid_trials
+from heli3dof.diagnosis.screening.catalogue import terms_without_score
 from heli3dof.diagnosis.screening.grid_trials import (
     fit_start,
-    terms_without_score,
     trials,
     with_term_added,
 )
