@@ -70,7 +70,7 @@ RULES = (
     Rule("edge rates weigh in a limit cycle", FIT + "edge_rates:fit_with_edge_rates", _argument(1)),
     Rule(
         "effects without a slope are tried",
-        DIAGNOSIS + "screening.grid_trials:trials",
+        DIAGNOSIS + "selection.candidate_fits:trials",
         _always([]),
     ),
     Rule(

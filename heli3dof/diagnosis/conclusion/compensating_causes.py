@@ -40,8 +40,7 @@ from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding, is_biased
 from heli3dof.diagnosis.constants import SIGMAS_95, TIE
 from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
-from heli3dof.diagnosis.screening.grid_trials import with_term_at
-from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
+from heli3dof.diagnosis.selection.candidate_fits import bic_penalty, with_term_at
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls

@@ -20,7 +20,7 @@ from heli3dof.diagnosis.conclusion.adoption import (
     log_likelihood_gain,
 )
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.screening.grid_trials import with_term_at
+from heli3dof.diagnosis.selection.candidate_fits import with_term_at
 from heli3dof.diagnosis.selection.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque

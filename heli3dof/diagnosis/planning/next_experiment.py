@@ -36,9 +36,8 @@ from heli3dof.diagnosis.result import (
     percent,
 )
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
-from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, with_term_at
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.bias_correction.correction import model_at

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.constants import LEAST_SHARE
+from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.scans import Scan
 from heli3dof.identification.bias_correction.evaluation import Evaluation
@@ -55,9 +55,9 @@ class ScreenResult:
 
 
 LEAST_INFORMATION = 1e-12
-"""Least δc W δc with which v is compared. A probe with v < `LEAST_SHARE` of it changes the readings
-by less than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no prediction
-depends."""
+"""Least δc W δc with which v is compared. A probe with v < `MIN_INFORMATION_SHARE` of it changes
+the readings by less than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no
+prediction depends."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
@@ -85,7 +85,7 @@ class Screen:
         A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = full - np.einsum("ij,ij->j", cross, self.solved)
-        testable = v > LEAST_SHARE * np.maximum(full, LEAST_INFORMATION)
+        testable = v > MIN_INFORMATION_SHARE * np.maximum(full, LEAST_INFORMATION)
         self.v = np.where(testable, v, np.inf)
         self.scan_informations = [
             s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans

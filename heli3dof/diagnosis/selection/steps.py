@@ -19,16 +19,16 @@ from heli3dof.diagnosis.screening.catalogue import (
     scans,
     terms_without_score,
 )
-from heli3dof.diagnosis.screening.grid_trials import (
-    GridTrial,
-    exceeds_nulls,
-    trials,
-    with_term_added,
-)
 from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
+from heli3dof.diagnosis.selection.candidate_fits import (
+    CandidateFit,
+    GridTrial,
+    correction_starts,
+    exceeds_nulls,
+    trials,
+)
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, best_choice, choose, with_ties
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
@@ -61,7 +61,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return trials of ``untested`` terms that justify full fits (`screening.grid_trials`)."""
+        """Return trials of ``untested`` terms that justify full fits (`candidate_fits`)."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:
@@ -177,7 +177,7 @@ def with_forms(
     """Return the likelihood with the terms of ``others`` added, and its refitted optimum."""
     theta = optimum.theta
     for c in others:
-        problem = with_term_added(problem, c.term)
+        problem = problem.with_term(c.term)
         theta = np.append(theta, c.optimum.theta[-1])
     if not others:
         return problem, optimum

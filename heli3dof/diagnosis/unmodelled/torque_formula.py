@@ -1,10 +1,8 @@
 """A formula for an unmodelled torque: the product of measured quantities that explains most.
 
 On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
-a fit (Rao's score test). D is the change of the innovations e per unit of c, w their information.
-The fit's scaled parameters, with tangents T, information A and score g, are projected out:
+a fit. With the efficient score u of c and its information v (`screening.score_test`),
 
-    u = D·∂ln L/∂e − (T w D)ᵀ A⁻¹ g,    v = D w D − (T w D)ᵀ A⁻¹ (T w D)
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
 The same test of the piecewise linear torque Σ τ_k φ_k, of rank r, gives S_spline. The

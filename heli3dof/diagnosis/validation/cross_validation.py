@@ -20,7 +20,7 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
    for that without. So a rougher held-out flight favours neither model.
 5. A phase or an instant (`effects.Parameter.per_recording`) of a hold-out recording is estimated on
-   that recording (`validation.per_recording_values`). Without hold-out recordings, the time shifts
+   that recording (`validation.prediction`). Without hold-out recordings, the time shifts
    that give several recordings one phase come from all rows.
 6. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
    because only encoder edges in both directions determine the position within the backlash.
@@ -35,12 +35,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
-from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import (
     prediction_errors,
     problem_of,
+    rows_of_recordings,
     starts_of,
     with_blocks,
+    with_own_values,
 )
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters

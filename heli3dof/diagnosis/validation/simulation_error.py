@@ -39,7 +39,6 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
 from heli3dof.diagnosis.validation.gain import HORIZON_S
-from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
     PredictionErrors,
@@ -48,7 +47,9 @@ from heli3dof.diagnosis.validation.prediction import (
     noise_of,
     problem_of,
     rows_ahead,
+    rows_of_recordings,
     starts_of,
+    with_own_values,
 )
 from heli3dof.errors import RecordingError
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
