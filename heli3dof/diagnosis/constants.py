@@ -4,6 +4,8 @@ FALSE_ALARMS = 0.003
 """Probability of a false finding in a recording of a rig without any effect. Chosen."""
 LEVEL = 0.95
 """Probability covered by intervals: the usual 95 %."""
+QUANTILE_975 = 1.96
+"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 SIGMAS_95 = 2.0
 """Standard deviations of a significant difference: chance exceeds them in 5 % of cases."""
 SIGMAS_99 = 3.0

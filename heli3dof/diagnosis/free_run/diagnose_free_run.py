@@ -80,13 +80,13 @@ WHY = METHOD + (
     "A term is a cause if left-out blocks need it and its size is significant; other terms keep "
     "their prior. There is no noise floor."
 )
-QUICK = METHOD + (
+WHY_QUICK = METHOD + (
     "Quick mode leaves out no blocks, so only sizes and their intervals decide which terms are "
     "causes. There is no noise floor."
 )
 FITTING = "Fitting the full physical model to multi-step predictions …"
 EACH = "Refitting without each cause …"
-BLOCKS = "blocks left out of the fit"
+ON_BLOCKS = "blocks left out of the fit"
 
 
 PREDICTS_WORSE = (
@@ -146,7 +146,7 @@ def diagnose_without_likelihood(
     as_profile = FreeRun.of(profile_model, tested)
     against = on
     if not held_out and not quick:
-        against = BLOCKS
+        against = ON_BLOCKS
         after = cross_validated([model_of(f, whole, "") for f in result.halves], whole)
         folds = folds_of(base_fit)
         before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
@@ -180,7 +180,7 @@ def diagnose_without_likelihood(
     residual, slow_noise = split_off_slow_noise(residual_torques(adopted))
     about = {
         "method": "multi-step predictions of the full physical model, backward elimination",
-        "why": (QUICK if quick else WHY).format(why),
+        "why": (WHY_QUICK if quick else WHY).format(why),
         "gain_measured_on": against,
         "adopted": not poor,
         **({"causes_untested": True} if quick else {}),

@@ -40,7 +40,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import SIGMAS_99
+from heli3dof.diagnosis.constants import QUANTILE_975, SIGMAS_99
 from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
@@ -57,8 +57,6 @@ from heli3dof.model.greybox.prediction import Flight, errors
 from heli3dof.parallel import parallel_map
 from heli3dof.stage_clock import Progress
 
-QUANTILE = 1.96
-"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 NORMAL = NormalDist()
 
 
@@ -154,7 +152,7 @@ def without_elimination(full: MultiStepFit) -> Elimination:
     is over the term's parameters θ ± σ; θ_0 is the value without the effect.
     """
     each = [
-        TermResult(t, LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u)))
+        TermResult(t, LossIncrease(u, u - QUANTILE_975, u + QUANTILE_975, 1.0, NORMAL.cdf(u)))
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]

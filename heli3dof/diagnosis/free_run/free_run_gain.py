@@ -19,13 +19,13 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.refits import WINDOW_S, split_windows
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut, Predictions, gain
-from heli3dof.diagnosis.validation.prediction import FAR
+from heli3dof.diagnosis.validation.prediction import MAX_ERROR
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import errors, filtered
 from heli3dof.recording.recording import Recording
 
-STEP_S = 0.25
+HORIZON_STEP_S = 0.25
 """s: interval of the horizons, the longest of which is `WINDOW_S`"""
 
 
@@ -34,14 +34,14 @@ class FreeRun:
     """A model's free-run prediction errors on recordings, in cells of time for the bootstrap."""
 
     e: np.ndarray
-    """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `WINDOW_S`"""
+    """(S, M, 3) rad: errors of S predictions at M horizons, up to `WINDOW_S`"""
     cell: np.ndarray
     """(S,) number of each prediction's cell"""
 
     @classmethod
     def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> FreeRun:
         each, cells, last = [], [], 0
-        horizons_s = np.arange(1, round(WINDOW_S / STEP_S) + 1) * STEP_S
+        horizons_s = np.arange(1, round(WINDOW_S / HORIZON_STEP_S) + 1) * HORIZON_STEP_S
         for r in recordings:
             flight = flight_of(r)
             ahead = np.array([round(h / r.dt) for h in horizons_s])
@@ -54,7 +54,7 @@ class FreeRun:
     def window_rmse_deg(self) -> dict[str, float]:
         """Return {axis: RMSE in degrees over all horizons up to `WINDOW_S`}."""
         squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
-        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / WINDOW_S
+        mean = np.trapezoid(squares, dx=HORIZON_STEP_S, axis=0) / WINDOW_S
         return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
 
 
@@ -85,7 +85,7 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
     states = filtered(model, recording)[1]
     with np.errstate(all="ignore"):
         e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
-    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+    e = np.clip(np.where(np.isnan(e), MAX_ERROR, e), -MAX_ERROR, MAX_ERROR)
     e[..., ~flight.free] = np.nan
     return np.asarray(e)
 
@@ -96,7 +96,7 @@ def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     none = np.zeros(0)
 
     def held_out(x: FreeRun) -> HeldOut:
-        e = x.e[:, round(HORIZON_S / STEP_S) - 1]
+        e = x.e[:, round(HORIZON_S / HORIZON_STEP_S) - 1]
         squares, counts = (
             np.column_stack([np.bincount(cell, v, len(names)) for v in of_e.T])
             for of_e in (np.nan_to_num(e) ** 2, np.isfinite(e))

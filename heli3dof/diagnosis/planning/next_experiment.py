@@ -92,7 +92,8 @@ def recommend(
     groups = [[*probes(c.term, V), c] for c in causes]
     profile = base.structure.profile
     o = base.optimum
-    models = [model_at(base.problem, o.theta, o.noise), *(_model_with(base, c) for c in causes)]
+    with_causes = (with_term_at(base.problem, o.theta, c.term, c.values) for c in causes)
+    models = [model_at(*x, o.noise) for x in ((base.problem, o.theta), *with_causes)]
     tasks = []
     if all(map(is_stable, models)):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
@@ -247,9 +248,3 @@ def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """
     highest = np.maximum.reduceat(z**2, starts)
     return float(highest[i] - np.delete(highest, i).max(initial=0.0))
-
-
-def _model_with(base: Estimate, cause: Probe) -> GreyBoxModel:
-    """Return the base model with ``cause``."""
-    o = base.optimum
-    return model_at(*with_term_at(base.problem, o.theta, cause.term, cause.values), o.noise)

@@ -59,7 +59,7 @@ MIN_BLOCK_S = 3.0
 """s; shortest mean length of a block, except that there are at least two. Chosen."""
 PURGE_S = 0.5
 """s; rows on either side of a block that are left out with it. Chosen."""
-ROUNDS = 4
+SEARCH_ROUNDS = 4
 """Largest number of Gauss-Newton iterations after a long step. Chosen."""
 LONG_STEP = 1.0
 """Standard deviations: length of a first step above which the search goes on. Chosen."""
@@ -178,7 +178,7 @@ def _estimate_without(
         return np.asarray(updated)
     correction = ScoreBias(bias_of_rows, np.zeros(3), theta, noise)
     return maximise_corrected(
-        problem, updated, noise, correction, rounds=ROUNDS, hold_noise=True
+        problem, updated, noise, correction, rounds=SEARCH_ROUNDS, hold_noise=True
     ).theta
 
 

@@ -40,7 +40,7 @@ EVERY_S = 0.05
 """s between starts. Chosen."""
 SETTLED_S = 0.5
 """s at the start of a run for the filter to settle; no prediction starts there. Chosen."""
-FAR = 10 * np.pi
+MAX_ERROR = 10 * np.pi
 """rad: a larger or infinite prediction error counts as this value. Chosen: five turns."""
 PHASES = 8
 """Values of φ at which ℓ is evaluated; five are the fewest for two harmonics."""
@@ -56,7 +56,7 @@ class PredictionErrors:
     """(S,) rows of the data"""
     horizons_s: tuple[float, ...]
     errors: np.ndarray
-    """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
+    """(S, H, 3) rad, at most `MAX_ERROR`; NaN beyond the end of a run and on unmeasured axes"""
 
     def rmse_deg(self) -> np.ndarray:
         """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis."""
@@ -114,7 +114,9 @@ def prediction_errors(
     )  # fmt: skip
     out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
-    return PredictionErrors(starts, tuple(horizons_s), np.clip(d.y[end] - out, -FAR, FAR))
+    return PredictionErrors(
+        starts, tuple(horizons_s), np.clip(d.y[end] - out, -MAX_ERROR, MAX_ERROR)
+    )
 
 
 def model_errors(
