@@ -31,7 +31,6 @@ from heli3dof.diagnosis.constants import FALSE_ALARMS
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import (
-    BASE,
     SCALE_QUANTILE,
     Measured,
     ThrustScale,
@@ -41,8 +40,13 @@ from heli3dof.identification.greybox.thrust_scale import (
 from heli3dof.model.effects import Term, term
 from heli3dof.model.physics.parametrisation import first_parameters
 
-THRUST_GAIN = "motor.thrust_gain"
-"""Finding that K_f is off nominal, which changes T_g and all inertias alike"""
+FINDINGS = {
+    "K_f": "motor.thrust_gain", "T_g": "mass.imbalance",
+    "J_roll": "inertia.roll", "J_pitch": "inertia.pitch", "J_yaw": "inertia.yaw",
+}  # fmt: skip
+"""Base parameter → name of the finding that it differs from nominal"""
+THRUST_GAIN, *PARAMETERS = FINDINGS.values()
+"""K_f, which changes the others alike; T_g and inertias, in the order of a fit's parameters"""
 STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
 
@@ -79,7 +83,7 @@ def quantile() -> float:
     """
     from scipy.stats import norm
 
-    return float(norm.isf(FALSE_ALARMS / len(BASE)))
+    return float(norm.isf(FALSE_ALARMS / len(FINDINGS)))
 
 
 def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:
@@ -109,7 +113,7 @@ class OffNominal:
     flight_score: float = 0.0
     """(x/σ)²: the score if K_f were known; 0 for K_f"""
     tied_with: tuple[str, ...] = ()
-    """Causes confounded with it (`conclusion.inertia_ties`)"""
+    """Causes confounded with it (`conclusion.confounded_parameters`)"""
 
 
 def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
@@ -135,16 +139,6 @@ def std_inflation(fit: PhysicalFit) -> float:
     return STD_INFLATION if by_likelihood else 1.0
 
 
-def finding_of(parameter: str) -> str:
-    """Return the name of the finding that a base ``parameter`` differs from nominal.
-
-    >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
-    ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']
-    """
-    named = {"K_f": THRUST_GAIN, "T_g": "mass.imbalance"}
-    return named.get(parameter, f"inertia.{parameter.removeprefix('J_')}")
-
-
 def _off(c: BaseParameter, tolerance: float, f: float) -> OffNominal:
     from scipy.stats import norm
 
@@ -152,7 +146,7 @@ def _off(c: BaseParameter, tolerance: float, f: float) -> OffNominal:
     score = ((c.value - c.nominal) / c.std) ** 2
     flight_score = float((c.x / c.noise_std) ** 2) if c.noise_std > 0 else 0.0
     confidence = float(norm.cdf(c.excess(tolerance) / np.hypot(c.scale, f * c.noise_std)))
-    cause = term(finding_of(c.name))
+    cause = term(FINDINGS[c.name])
     if c.name == "T_g":
         return OffNominal(cause, c.value - c.nominal, c.std, score, confidence, flight_score)
     return OffNominal(cause, ratio, ratio_std, score, confidence, flight_score)

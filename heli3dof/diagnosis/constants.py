@@ -4,6 +4,8 @@ FALSE_ALARMS = 0.003
 """Probability of a false finding in a recording of a rig without any effect. Chosen."""
 LEVEL = 0.95
 """Probability covered by intervals: the usual 95 %."""
+QUANTILE_975 = 1.96
+"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 SIGMAS_95 = 2.0
 """Standard deviations of a significant difference: chance exceeds them in 5 % of cases."""
 SIGMAS_99 = 3.0
@@ -20,7 +22,7 @@ MAX_CAUSES = 4
 """Most causes of a diagnosis, or confounded causes simulated for a plan. Chosen."""
 MAX_COMPARED = 3
 """Most causes, torques or terms that one step compares or adds: each costs full fits. Chosen."""
-LEAST_SHARE = 1e-6
+MIN_INFORMATION_SHARE = 1e-6
 """Least share of an effect's information that must remain with the fit's parameters projected out:
 with less, these parameters change the readings as the effect does."""
 ACCURACY_S = 0.05

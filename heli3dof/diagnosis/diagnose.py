@@ -21,9 +21,12 @@ from typing import NamedTuple
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
+from heli3dof.diagnosis.conclusion.confounded_parameters import (
+    ROLL_OFFSET,
+    last_step_with_causes,
+    with_confounded_causes,
+)
 from heli3dof.diagnosis.conclusion.doubtful_findings import marked_if_doubtful
-from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
-from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
@@ -145,7 +148,7 @@ def _diagnosed(
     settled = replace(settled, findings=findings)
     if settled.residual_torques:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
-    extended = with_torques(setup, settled.fit, settled.after, settled.residual_torques, held)
+    extended = with_torques(setup, settled, held)
     clock.start("gain", "Measuring the gain on held-out data …")
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
@@ -164,9 +167,8 @@ def _diagnosed(
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
     without_verdict = Diagnosis(
-        *names, "", faults, result, settled.findings, off,
-        (*settled.dropped, *extended.dropped),
-        residual_torques=extended.torques, slow_noise=settled.slow_noise, about=about,
+        *names, "", faults, result, extended.findings, off, extended.dropped,
+        residual_torques=extended.residual_torques, slow_noise=extended.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(

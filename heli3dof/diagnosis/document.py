@@ -11,8 +11,8 @@ from dataclasses import asdict
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal, finding_of
-from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.base_parameters import FINDINGS, BaseParameter, OffNominal
+from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.result import (
@@ -112,7 +112,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     findings |= {x.term.name for x in d.findings}
 
     def beyond(c: BaseParameter) -> str:
-        if finding_of(c.name) in findings:
+        if FINDINGS[c.name] in findings:
             return "surely"
         return "not_surely" if c.excess(tolerance) > 0 else "no"
 

@@ -258,14 +258,7 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class UndecidedTerms:
-    """Terms of a fit to free-run predictions on which a further flight should decide.
-
-    These are the first of the following that exist:
-
-    1. a cause and the terms confounded with it
-    2. terms that improve held-out predictions but are no causes
-    3. terms that are not identifiable
-    """
+    """Terms of a fit on which a further flight should decide (`cause_selection.open_terms`)."""
 
     fit: MultiStepFit
     names: tuple[str, ...]

@@ -14,7 +14,6 @@ from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
 from heli3dof.diagnosis.free_run.refits import STAGE_S, carried_over, restructured
-from heli3dof.diagnosis.free_run.unexplained import equilibrium_deg
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
@@ -23,6 +22,7 @@ from heli3dof.identification.greybox.freeflight import (
 )
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.row_selection import usable_runs
+from heli3dof.model.greybox.linearisation import equilibrium_deg
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.report.text.comparison_tables import prediction_table
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables

@@ -70,7 +70,7 @@ RULES = (
     Rule("edge rates weigh in a limit cycle", FIT + "edge_rates:fit_with_edge_rates", _argument(1)),
     Rule(
         "effects without a slope are tried",
-        DIAGNOSIS + "screening.grid_trials:trials",
+        DIAGNOSIS + "selection.candidate_fits:trials",
         _always([]),
     ),
     Rule(
@@ -98,7 +98,7 @@ RULES = (
     ),
     Rule(
         "full fits tie causes with an inertia",
-        DIAGNOSIS + "conclusion.inertia_ties:instead_of_inertia",
+        DIAGNOSIS + "conclusion.confounded_parameters:instead_of_inertia",
         _always([]),
     ),
     Rule(
@@ -113,7 +113,7 @@ RULES = (
     ),
     Rule(
         "a formula competes with causes",
-        DIAGNOSIS + "conclusion.formula_contest:replaced_by_formula",
+        DIAGNOSIS + "conclusion.compensating_causes:replaced_by_formula",
         _always(None),
     ),
     Rule(
@@ -138,12 +138,12 @@ RULES = (
     ),
     Rule(
         "causes confounded with an inertia",
-        DIAGNOSIS + "conclusion.inertia_ties:with_confounded_causes",
+        DIAGNOSIS + "conclusion.confounded_parameters:with_confounded_causes",
         _argument(0),
     ),
     Rule(
         "encoder scales confounded with causes",
-        DIAGNOSIS + "conclusion.encoder_scales:with_scale_ties",
+        DIAGNOSIS + "conclusion.confounded_parameters:with_scale_ties",
         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
     ),
     Rule(
@@ -188,12 +188,12 @@ RULES = (
     ),
     Rule(
         "predictions confirm a formula (controller unknown)",
-        DIAGNOSIS + "conclusion.formula_contest:predictions_agree",
+        DIAGNOSIS + "conclusion.compensating_causes:predictions_agree",
         _always(True),
     ),
     Rule(
         "flights confirm a formula (controller known)",
-        DIAGNOSIS + "conclusion.formula_contest:simulations_agree",
+        DIAGNOSIS + "conclusion.compensating_causes:simulations_agree",
         _always(True),
     ),
     Rule(
@@ -218,7 +218,7 @@ RULES = (
     ),
     Rule(
         "the noise floor contains coloured noise",
-        DIAGNOSIS + "validation.coloured_noise:coloured_variance",
+        DIAGNOSIS + "validation.simulation_error:coloured_variance",
         lambda rule, model, recordings, horizons_s: np.zeros((len(horizons_s), len(AXES))),
     ),
 )

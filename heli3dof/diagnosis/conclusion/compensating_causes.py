@@ -1,10 +1,26 @@
 """Search for residual torques, and drop the causes that only compensate for such a torque.
 
-A cause counts as compensating if a formula of the torque explains the flight better than the cause
-does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
-and adopted or dropped. The search is repeated until no further cause is removed.
+Causes, alone or together, may compensate for a torque that the catalogue lacks. On pitch, a torque
+k V_f V_b (front and back voltage) is, to first order about hover, a thrust mismatch and a constant
+torque. So each cause, each pair and all causes together are compared with a formula in their place:
+a torque c φ on one axis. The axis and the product φ of measured quantities are those that explain
+most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
+filter updates), ℓ_φ that with the formula. With K formulas and the fit's variance inflation κ
+(`Estimate.inflation`), the formula replaces the causes if
 
-A remaining cause is marked "…-like" (unconfirmed) if one of these holds:
+    2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`
+
+The second summand is BIC for the causes' further parameters, the third the prior odds against one
+formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the controller is
+known, flights are also simulated, with the causes and with the formula. The flights with the
+formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If the
+controller is unknown, a formula in place of a single cause must improve held-out predictions: on
+its axis, their error must decrease by more than the encoder's rounding
+(`conclusion.unknown_controller`).
+
+Causes that a formula replaces are removed. The others are fitted again, and adopted or dropped. The
+search is repeated until no further cause is removed. A remaining cause is marked "…-like"
+(unconfirmed) if one of these holds:
 
 - Its size differs from zero by less than `SIGMAS_95` standard deviations.
 - It does not significantly improve the prediction of held-out data.
@@ -12,27 +28,44 @@ A remaining cause is marked "…-like" (unconfirmed) if one of these holds:
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import effect_size
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
-from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
-from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
-from heli3dof.diagnosis.constants import SIGMAS_95
+from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding, is_biased
+from heli3dof.diagnosis.constants import SIGMAS_95, TIE
 from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
+from heli3dof.diagnosis.selection.candidate_fits import bic_penalty, with_term_at
+from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
-from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
-from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
+from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
+from heli3dof.diagnosis.unmodelled.torque_formula import (
+    PRODUCTS,
+    product_scores,
+    significant_formula,
+    variable_of,
+)
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     ResidualTorque,
+    TorqueLocation,
     significant_torques,
     split_off_slow_noise,
 )
-from heli3dof.diagnosis.validation.gain import gain_interval_positive
-from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.diagnosis.validation.gain import gain, gain_interval_positive
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
+from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
+from heli3dof.model.effects import term
+from heli3dof.model.effects.empirical import PREFIX
 from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.recording.recording import Recording
 
@@ -45,10 +78,7 @@ def search_residual_torques(
     ``flights``: number of flights simulated without residual torque, per search.
     """
     if not start.fit.is_corrected:  # a cause that is now dropped may have prevented simulation
-        again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
-        start = (
-            start if not again.is_corrected else _adopted_again(setup, start, again, (), holdout)
-        )
+        start = _without(setup, start, (), holdout)
     now, removed, proven = start, list[Finding](), None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
@@ -59,11 +89,11 @@ def search_residual_torques(
         left = tuple(x for x in left if x.axis in setup.explained_axes)
         if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))
-        causes = replaceable_causes(now.findings)
-        contest = replaced_by_formula(setup, now.fit, causes, holdout)
-        if contest is None:
+        causes = [f.term.name for f in now.findings if not f.term.effect.of_base]
+        won = replaced_by_formula(setup, now.fit, causes, holdout)
+        if won is None:
             break
-        names, proven = contest.causes, contest.formula.location
+        names, proven = won.causes, won.formula.location
         first = left if first is None else first
         removed += [f for f in now.findings if f.term.name in names]
         now = _without(setup, now, names, holdout)
@@ -75,11 +105,6 @@ def search_residual_torques(
         residual_torques=with_resemblance(left, removed),
         slow_noise=slow_noise,
     )
-
-
-def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
-    """Return the names of causes that are no part of the rigid body's equations."""
-    return [f.term.name for f in findings if not f.term.effect.of_base]
 
 
 def _undecided(
@@ -103,27 +128,20 @@ def _undecided(
 def _without(
     setup: Setup, now: AdoptionResult, names: Sequence[str], holdout: Sequence[Recording]
 ) -> AdoptionResult:
-    """Return ``now`` after removing the causes ``names``; the others are refitted and tested."""
-    found = now.fit
-    for f in now.findings:
-        if f.term.name in names:
-            found = without(found, f.term.name)
-    again = bias_corrected(setup, found.problem, found.optimum)
-    return _adopted_again(setup, now, again, names, holdout)
+    """Return ``now`` after removing the causes ``names``; the others are refitted and tested.
 
-
-def _adopted_again(
-    setup: Setup, now: AdoptionResult, found: CorrectedFit, names: Sequence[str],
-    holdout: Sequence[Recording],
-) -> AdoptionResult:  # fmt: skip
-    """Return the adoption result for ``found``, the fit of ``now`` without the causes ``names``.
-
-    `adopted` decides again on each remaining cause. The result lists ``names`` as dropped, with the
-    gains that they had in ``now``.
+    The result lists ``names`` as dropped, with the gains that they had in ``now``. Without
+    ``names``, ``now`` is returned unchanged if its fit still cannot be bias-corrected.
     """
+    fit = now.fit
+    for name in names:
+        fit = without(fit, name)
+    fit = bias_corrected(setup, fit.problem, fit.optimum)
+    if not names and not fit.is_corrected:
+        return now
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
-    result = adopted(found, kept, holdout, seed=setup.seed)
+    result = adopted(fit, kept, holdout, seed=setup.seed)
     replaced = (Dropped(n, gains[n], COMPENSATES) for n in names)
     return replace(result, dropped=(*now.dropped, *replaced, *result.dropped))
 
@@ -160,3 +178,113 @@ def with_resemblance(
     names = (causes[0].term.name, *causes[0].tied_with)
     resembles = " or ".join(f"{name}-like" for name in names)
     return (replace(residuals[0], resembles=resembles), *residuals[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """The fit with the best formula, and the axis and variable of the formula's torque."""
+
+    problem: Likelihood
+    optimum: Optimum
+    location: TorqueLocation
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """The comparison of a set of causes with a formula that may replace them.
+
+    ``margin``: evidence for the formula, the left side of the module's inequality.
+    """
+
+    causes: tuple[str, ...]
+    formula: Formula
+    margin: float
+
+
+def replaced_by_formula(
+    setup: Setup, fit: CorrectedFit, causes: Sequence[str], holdout: Sequence[Recording]
+) -> Contest | None:
+    """Compare each of the ``causes``, each pair and all together with a formula in their place.
+
+    Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
+    None. If the controller is unknown, predictions of ``holdout`` (of blocks left out if it is
+    empty) confirm a formula in place of a single cause. A formula in place of several causes needs
+    no confirmation.
+    """
+    if not causes:
+        return None
+    o = fit.optimum
+    ln_causes = maximise_corrected(fit.problem, o.theta, o.noise, None).loglik
+    sizes = {1, min(2, len(causes)), len(causes)}
+    sets = [some for n in sorted(sizes) for some in itertools.combinations(causes, n)]
+    contests = [contest(fit, ln_causes, some) for some in sets]
+    won = sorted((c for c in contests if c.margin > TIE), key=lambda c: -c.margin)
+
+    def is_confirmed(c: Contest) -> bool:
+        if setup.controller_is_known:
+            return simulations_agree(setup, fit, c.formula)
+        return len(c.causes) > 1 or predictions_agree(setup, fit, c.formula, holdout)
+
+    return next(filter(is_confirmed, won), None)
+
+
+def predictions_agree(
+    setup: Setup, fit: CorrectedFit, formula: Formula, holdout: Sequence[Recording]
+) -> bool:
+    """Return whether the formula predicts held-out data better than ``fit``, which has the causes.
+
+    The RMSE of the formula's axis must decrease significantly, by more than encoder rounding.
+    """
+    wide = CorrectedFit(formula.problem, formula.optimum)
+    g = gain(held_out(fit, holdout), held_out(wide, holdout), seed=setup.seed)
+    return exceeds_rounding(g, fit.structure.profile, axes=[formula.location.axis])
+
+
+def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
+    """Return whether simulated flights favour the formula over the causes, which ``fit`` contains.
+
+    Flights are simulated with the formula and with the causes. Those with the formula must agree
+    better with the recordings (Cox's test, `selection.rivals`). True if simulation is impossible.
+    """
+    if not fit.is_corrected:
+        return True
+    o = formula.optimum
+    corrected = correct(
+        formula.problem, [(o.theta, o.noise)], setup.recordings, seed=setup.seed,
+        flights_per_round=setup.flights_per_round, rounds=ROUNDS,
+    )  # fmt: skip
+    W = odds(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed))
+    return bool(W[1, 0] > TIE)
+
+
+def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
+    """Return the comparison of ``causes``, taken together, with the best formula.
+
+    Its ``margin`` is −∞ if the formula cannot be fitted. ``ln_causes``: the log-likelihood of
+    ``fit``, which contains the causes.
+    """
+    less = fit
+    for name in causes:
+        less = without(less, name)
+    parameters = sum(f.term in causes for f in fit.free)
+    formula = with_best_product(less)
+    ln_formula = formula.optimum.loglik
+    gain = 2 * (ln_formula - ln_causes) / max(fit.inflation, 1.0)
+    formulas = len(AXES) * len(PRODUCTS)
+    penalty = bic_penalty(parameters - 1, fit.optimum.at) - 2 * float(np.log(formulas))
+    return Contest(causes, formula, float(gain + penalty) if np.isfinite(ln_formula) else -np.inf)
+
+
+def with_best_product(fit: CorrectedFit) -> Formula:
+    """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
+    x = evidence_without_nulls(fit)
+    axes = np.flatnonzero(fit.problem.data.axes)
+    scores = {int(i): product_scores(x, int(i)) for i in axes}
+    i = max(scores, key=lambda i: float(scores[i][0].max()))
+    S, c = scores[i]
+    k = int(S.argmax())
+    o = fit.optimum
+    torque = term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}")
+    wide, start = with_term_at(fit.problem, o.theta, torque, (float(c[k]),))
+    best = maximise_corrected(wide, start, o.noise, None)
+    return Formula(wide, best, TorqueLocation(AXES[i], variable_of(PRODUCTS[k])))

@@ -9,19 +9,23 @@ can be fitted, the torque is reported, but the model has no term for it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.diagnosis.base_parameters import in_SI
-from heli3dof.diagnosis.conclusion.adoption import is_significant_gain, log_likelihood_gain
+from heli3dof.diagnosis.conclusion.adoption import (
+    AdoptionResult,
+    is_significant_gain,
+    log_likelihood_gain,
+)
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.screening.grid_trials import with_term_at
+from heli3dof.diagnosis.selection.candidate_fits import with_term_at
 from heli3dof.diagnosis.selection.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
-from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
+from heli3dof.diagnosis.validation.gain import Gain, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -30,31 +34,18 @@ from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
 
 
-@dataclass(frozen=True, eq=False)
-class Extended:
-    """The fit with causes and terms for unmodelled torques, and its results on held-out data."""
-
-    fit: CorrectedFit
-    after: HeldOut
-    """Results of ``fit`` on held-out data"""
-    torques: tuple[ResidualTorque, ...]
-    """The torques that are not dropped, each with its term if one could be fitted"""
-    dropped: tuple[Dropped, ...]
-    """For each dropped torque, the proposal with the largest log-likelihood gain"""
-
-
 def with_torques(
-    setup: Setup, fit: CorrectedFit, after: HeldOut, torques: Sequence[ResidualTorque],
-    holdout: Sequence[Recording],
-) -> Extended:  # fmt: skip
-    """Return ``fit`` with a term for each torque whose term improves held-out predictions.
+    setup: Setup, result: AdoptionResult, holdout: Sequence[Recording]
+) -> AdoptionResult:
+    """Return ``result`` with a term in its fit for each torque that improves held-out predictions.
 
-    A torque whose terms do not is dropped. A torque for which no term can be fitted is kept
-    without one. ``after``: results of ``fit`` on held-out data.
+    Other torques are dropped, each as the proposal with the largest log-likelihood gain. A torque
+    for which no term can be fitted is kept without one.
     """
+    fit, after = result.fit, result.after
     kept = list[tuple[ResidualTorque, tuple[Proposal, Gain] | None]]()
-    dropped = list[Dropped]()
-    for torque in torques:
+    dropped = list(result.dropped)
+    for torque in result.residual_torques:
         failed = list[Dropped]()
         for proposal in proposals(fit, torque):
             wider = fit_with(setup, fit, proposal)
@@ -73,13 +64,13 @@ def with_torques(
             else:
                 kept.append((torque, None))
     scale = thrust_scale(fit)
-    left = (
+    torques = tuple(
         replace(t, term=TorqueTerm(adopted[0], in_SI(fit, scale, adopted[0].term), adopted[1]))
         if adopted
         else t
         for t, adopted in kept
     )
-    return Extended(fit, after, tuple(left), tuple(dropped))
+    return replace(result, fit=fit, after=after, residual_torques=torques, dropped=tuple(dropped))
 
 
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:

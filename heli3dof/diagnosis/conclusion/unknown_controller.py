@@ -23,8 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
-from heli3dof.diagnosis.conclusion.inertia_ties import PARAMETERS
+from heli3dof.diagnosis.base_parameters import PARAMETERS, THRUST_GAIN, OffNominal
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected

@@ -2,13 +2,10 @@
 
 r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
 (`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with dim scaled parameters z.
-z_0 and Λ are the prior's mean and precision, H = D Dᵀ + Λ. A probe is an effect of a trial size
-(`screening.catalogue`); it changes r by d (R,), which one simulation gives. With the fit's
-parameters projected out,
-
-    v = d·d − (D d)ᵀ H⁻¹ D d                                   information
-    u = −d·r + (D d)ᵀ H⁻¹ (D r + Λ (z − z_0))                  efficient score
-    Z² = u²/v                                                  decrease of Q with the effect
+H = D Dᵀ + Λ includes the prior's precision Λ. A probe is an effect of a trial size
+(`screening.catalogue`); it changes r by d (R,), which one simulation gives. Z² = u²/v is the
+decrease of Q with the effect. `screening.score_test` gives u and v: its δc is d, T is D, A is H, W
+is 1 and g is −r.
 
 Let w (R,) be the change of r if a cause c of the fit is removed, and d̃ (R,) that by a probe; both
 with the fit's other parameters projected out. To first order, adding the probe's effect recovers a
@@ -23,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import LEAST_SHARE, MAX_CAUSES, MAX_COMPARED
+from heli3dof.diagnosis.constants import MAX_CAUSES, MAX_COMPARED, MIN_INFORMATION_SHARE
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     carried_over,
@@ -81,7 +78,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
         d = _with_probe(fit, tested[i]) - r
         d_own = project_out(d, fit.tangents, H)
         v = float(d @ d_own)
-        if not v > LEAST_SHARE * float(d @ d):
+        if not v > MIN_INFORMATION_SHARE * float(d @ d):
             return Candidate(tested[i], d, 0.0)
         u = -float(d @ q)
         wrong_sign = u < 0 and one_sided(tested[i])

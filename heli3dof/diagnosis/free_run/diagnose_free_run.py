@@ -17,13 +17,14 @@ Such logs have an unknown controller, and sampling jitter or unmodelled fast mot
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
+from heli3dof.diagnosis.conclusion.confounded_parameters import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.doubtful_findings import marked_like
-from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
@@ -39,9 +40,9 @@ from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
     eliminate,
-    result_by_adding,
     with_confounded_terms,
     without_elimination,
+    without_term,
 )
 from heli3dof.diagnosis.free_run.free_run_gain import (
     FreeRun,
@@ -79,13 +80,13 @@ WHY = METHOD + (
     "A term is a cause if left-out blocks need it and its size is significant; other terms keep "
     "their prior. There is no noise floor."
 )
-QUICK = METHOD + (
+WHY_QUICK = METHOD + (
     "Quick mode leaves out no blocks, so only sizes and their intervals decide which terms are "
     "causes. There is no noise floor."
 )
 FITTING = "Fitting the full physical model to multi-step predictions …"
 EACH = "Refitting without each cause …"
-BLOCKS = "blocks left out of the fit"
+ON_BLOCKS = "blocks left out of the fit"
 
 
 PREDICTS_WORSE = (
@@ -113,10 +114,10 @@ def diagnose_without_likelihood(
     faults: tuple[Fault, ...],
     *,
     why: str,
-    base: str = "rigid",
-    quick: bool = False,
-    seed: int = 0,
-    progress: Progress = lambda sentence: None,
+    base: str,
+    quick: bool,
+    seed: int,
+    progress: Progress,
 ) -> Diagnosis:
     """Return the diagnosis of recordings that passed the integrity checks, with their ``faults``.
 
@@ -145,16 +146,16 @@ def diagnose_without_likelihood(
     as_profile = FreeRun.of(profile_model, tested)
     against = on
     if not held_out and not quick:
-        against = BLOCKS
+        against = ON_BLOCKS
         after = cross_validated([model_of(f, whole, "") for f in result.halves], whole)
         folds = folds_of(base_fit)
         before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
         as_profile = cross_validated([profile_model] * len(folds), whole)
     causes, only_kept = select_causes(result)
     causes = with_confounded_terms(result, causes, seed=seed, progress=progress)
-    if base == "hover" and not quick:
-        r = result_by_adding(result, "base.hover", "geometry", seed=seed)
-        causes += [r] * r.increase.significant
+    if base == "hover" and result.first is not None:  # the linear model cancels the geometry
+        r = without_term(result.first, "", seed=seed, instead="base.hover")
+        causes += [replace(r, term="geometry")] * r.increase.significant
         causes.sort(key=lambda r: -r.increase.value)
     progress(EACH)
     pairs = _without_each(result, causes, whole, held_out)
@@ -179,7 +180,7 @@ def diagnose_without_likelihood(
     residual, slow_noise = split_off_slow_noise(residual_torques(adopted))
     about = {
         "method": "multi-step predictions of the full physical model, backward elimination",
-        "why": (QUICK if quick else WHY).format(why),
+        "why": (WHY_QUICK if quick else WHY).format(why),
         "gain_measured_on": against,
         "adopted": not poor,
         **({"causes_untested": True} if quick else {}),
@@ -219,8 +220,8 @@ def _without_each(
             less = refit(begun, *removal.get(r.term, (r.term,)))
             return _predicted(less, whole, held), full
         assert result.last is not None
-        fits_with = r.trial.fits_with or tuple(fit for fit, _ in result.last.folds)
-        fits_without = r.trial.fits_without or [refit(f, r.term) for f in fits_with]
+        fits_with = r.fits_with or tuple(fit for fit, _ in result.last.folds)
+        fits_without = r.fits_without or [refit(f, r.term) for f in fits_with]
         a, b = (
             cross_validated([model_of(f, whole, "") for f in fits], whole)
             for fits in (fits_without, fits_with)

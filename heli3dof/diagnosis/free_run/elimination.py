@@ -40,7 +40,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import SIGMAS_99
+from heli3dof.diagnosis.constants import QUANTILE_975, SIGMAS_99
 from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
@@ -57,8 +57,6 @@ from heli3dof.model.greybox.prediction import Flight, errors
 from heli3dof.parallel import parallel_map
 from heli3dof.stage_clock import Progress
 
-QUANTILE = 1.96
-"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 NORMAL = NormalDist()
 
 
@@ -76,27 +74,17 @@ class LossIncrease(Interval):
 
 
 @dataclass(frozen=True, eq=False)
-class LeaveOneOut:
-    """The result of leaving out or replacing one term."""
+class TermResult:
+    """A term, and the result of leaving it out or of replacing it by another."""
 
+    term: str
     increase: LossIncrease
+    """Increase of the loss on held-out data"""
     fits_without: tuple[MultiStepFit, ...] = ()
     fits_with: tuple[MultiStepFit, ...] = ()
     """By fold, without and with the term; empty if whole recordings were left out"""
-
-
-@dataclass(frozen=True, eq=False)
-class TermResult:
-    """A term, and the increase of the loss on held-out data when the term is left out."""
-
-    term: str
-    trial: LeaveOneOut
     tied_with: tuple[str, ...] = ()
     """Effects confounded with the cause"""
-
-    @property
-    def increase(self) -> LossIncrease:
-        return self.trial.increase
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +116,7 @@ def eliminate(
     progress("Fitting each half of the blocks …")
     first = current = FitWithFolds.of(at_common_scale)
     removed: list[TermResult] = []
-    retained: dict[str, LeaveOneOut] = {}
+    retained: dict[str, TermResult] = {}
     known = known_beforehand(full.problem)
     while True:
         untested = [t for t, _ in by_significance(current.fit) if t not in retained]
@@ -148,13 +136,12 @@ def eliminate(
             break
         correlated = correlated_terms(current.fit, out)
         retained = {k: v for k, v in retained.items() if k not in correlated}
-        removed.append(TermResult(out, LeaveOneOut(trial.increase)))
+        removed.append(TermResult(out, trial.increase))
         progress(f"Without {out} … refitting the others")
         current = current.without_term(out, trial.fits_without)
-    stays = [TermResult(t, trial) for t, trial in retained.items()]
-    needed = [r for r in stays if r.increase.significant or r.term in known]
+    needed = [r for r in retained.values() if r.increase.significant or r.term in known]
     needed.sort(key=lambda r: -r.increase.value)
-    removed += [r for r in stays if r not in needed]
+    removed += [r for r in retained.values() if r not in needed]
     return Elimination(full, tuple(needed), tuple(removed), first, current)
 
 
@@ -165,12 +152,15 @@ def without_elimination(full: MultiStepFit) -> Elimination:
     is over the term's parameters θ ± σ; θ_0 is the value without the effect.
     """
     each = [
-        TermResult(t, LeaveOneOut(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
+        TermResult(t, LossIncrease(u, u - QUANTILE_975, u + QUANTILE_975, 1.0, NORMAL.cdf(u)))
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]
-    needed = tuple(r for r in each if r.increase.significant)
-    return Elimination(full, needed, tuple(r for r in each if not r.increase.significant))
+    needed, removed = (
+        tuple(r for r in each if r.increase.significant is significant)
+        for significant in (True, False)
+    )
+    return Elimination(full, needed, removed)
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
@@ -189,17 +179,6 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
             z2 += sum(float((full.z[i] - null) ** 2 / C[i, i]) for i in at)
         out[t.name] = z2
     return sorted(out.items(), key=lambda kv: kv[1])
-
-
-def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the result for the effect ``name``, which the term ``added`` cancels.
-
-    The result contains the increase of the held-out loss. For example, ``base.hover`` (the linear
-    model) cancels ``geometry``.
-    """
-    assert result.first is not None
-    trial = without_term(result.first, "", seed=seed, instead=added)
-    return TermResult(name, trial)
 
 
 def with_confounded_terms(
@@ -261,7 +240,7 @@ def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
 
 def without_term(
     current: FitWithFolds, name: str, *, seed: int, instead: str | None = None
-) -> LeaveOneOut:
+) -> TermResult:
     """Return the result of leaving out term ``name``, or of replacing it by term ``instead``.
 
     The result contains the increase of the held-out loss. Each fold is held out once. If the term
@@ -276,7 +255,8 @@ def without_term(
             loss = [recording_losses(f, p, i, current.fit.scale) for f in (less, full)]
             return np.asarray(loss[0] - loss[1])
 
-        return LeaveOneOut(bootstrap(np.concatenate(parallel_map(one, len(p.flights))), seed))
+        each_cell = np.concatenate(parallel_map(one, len(p.flights)))
+        return TermResult(name, bootstrap(each_cell, seed))
 
     def each(i: int) -> tuple[MultiStepFit, np.ndarray]:
         fit, test = current.folds[i]
@@ -286,12 +266,11 @@ def without_term(
 
     results = parallel_map(each, len(current.folds))
     increase = bootstrap(np.concatenate([d for _, d in results]), seed)
-    return LeaveOneOut(
-        increase, tuple(fit for fit, _ in results), tuple(fit for fit, _ in current.folds)
-    )
+    without, with_term = (tuple(fit for fit, _ in x) for x in (results, current.folds))
+    return TermResult(name, increase, without, with_term)
 
 
-def training_cost(current: FitWithFolds, trial: LeaveOneOut) -> float:
+def training_cost(current: FitWithFolds, trial: TermResult) -> float:
     """Return the increase of the cost Q on the training blocks without the trial's term.
 
     It is 0 if the trial left out whole recordings: such a trial stores no fits.

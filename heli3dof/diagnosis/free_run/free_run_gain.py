@@ -12,62 +12,62 @@ axes. The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.refits import WINDOW_S, split_windows
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut, Predictions, gain
-from heli3dof.diagnosis.validation.prediction import FAR
+from heli3dof.diagnosis.validation.prediction import MAX_ERROR
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import errors, filtered
 from heli3dof.recording.recording import Recording
 
-STEP_S = 0.25
+HORIZON_STEP_S = 0.25
 """s: interval of the horizons, the longest of which is `WINDOW_S`"""
 
 
+@dataclass(frozen=True, eq=False)
 class FreeRun:
     """A model's free-run prediction errors on recordings, in cells of time for the bootstrap."""
 
-    def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
-        self.e = e
-        """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `WINDOW_S`"""
-        self.cell = cell
-        """(S,) number of each prediction's cell"""
+    e: np.ndarray
+    """(S, M, 3) rad: errors of S predictions at M horizons, up to `WINDOW_S`"""
+    cell: np.ndarray
+    """(S,) number of each prediction's cell"""
 
     @classmethod
     def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> FreeRun:
         each, cells, last = [], [], 0
+        horizons_s = np.arange(1, round(WINDOW_S / HORIZON_STEP_S) + 1) * HORIZON_STEP_S
         for r in recordings:
             flight = flight_of(r)
-            ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
+            ahead = np.array([round(h / r.dt) for h in horizons_s])
             each.append(free_run_errors(model, r, ahead))
             cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int) + last
             cells.append(cell)
             last = int(cell.max(initial=last)) + 1
         return cls(np.concatenate(each), np.concatenate(cells))
 
-    def select(self, rows: np.ndarray) -> FreeRun:
-        """Return the predictions that ``rows`` (S,) bool selects."""
-        return FreeRun(self.e[rows], self.cell[rows])
-
     def window_rmse_deg(self) -> dict[str, float]:
         """Return {axis: RMSE in degrees over all horizons up to `WINDOW_S`}."""
         squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
-        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / WINDOW_S
+        mean = np.trapezoid(squares, dx=HORIZON_STEP_S, axis=0) / WINDOW_S
         return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
 
 
 def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
     """Return the errors of ``models``, one for each fold, on the test windows of their folds."""
-    parts = []
+    e, cell = [], []
+    flights = [flight_of(r) for r in recordings]
     for fold, model in enumerate(models):
-        flights = [flight_of(r) for r in recordings]
         test = [np.isin(f.starts, split_windows(f, fold)[1].starts) for f in flights]
-        parts.append(FreeRun.of(model, recordings).select(np.concatenate(test)))
-    return FreeRun(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
+        rows, run = np.concatenate(test), FreeRun.of(model, recordings)
+        e.append(run.e[rows])
+        cell.append(run.cell[rows])
+    return FreeRun(np.concatenate(e), np.concatenate(cell))
 
 
 def predicts_better(before: FreeRun, after: FreeRun) -> bool:
@@ -85,7 +85,7 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
     states = filtered(model, recording)[1]
     with np.errstate(all="ignore"):
         e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
-    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+    e = np.clip(np.where(np.isnan(e), MAX_ERROR, e), -MAX_ERROR, MAX_ERROR)
     e[..., ~flight.free] = np.nan
     return np.asarray(e)
 
@@ -96,7 +96,7 @@ def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     none = np.zeros(0)
 
     def held_out(x: FreeRun) -> HeldOut:
-        e = x.e[:, round(HORIZON_S / STEP_S) - 1]
+        e = x.e[:, round(HORIZON_S / HORIZON_STEP_S) - 1]
         squares, counts = (
             np.column_stack([np.bincount(cell, v, len(names)) for v in of_e.T])
             for of_e in (np.nan_to_num(e) ** 2, np.isfinite(e))

@@ -28,7 +28,7 @@ from heli3dof.parallel import parallel_map
 
 STAGE_S = STAGES_S[-1]
 WINDOW_S = STAGE_S[-1]
-BLOCK_S = 2 * WINDOW_S
+FOLD_BLOCK_S = 2 * WINDOW_S
 """s: prediction horizons, length of a prediction window and of a fold's blocks. Chosen."""
 FOLDS = 2
 RECOMPUTATIONS = 1
@@ -164,8 +164,8 @@ def split_windows(flight: Flight, fold: int) -> tuple[Flight, Flight]:
     """
     start = flight.t[flight.starts]
     stop = start + WINDOW_S
-    block = np.floor(start / BLOCK_S).astype(int)
-    last = np.floor((stop - 1e-9) / BLOCK_S).astype(int)
+    block = np.floor(start / FOLD_BLOCK_S).astype(int)
+    last = np.floor((stop - 1e-9) / FOLD_BLOCK_S).astype(int)
     test = (block % FOLDS == fold) & (last == block)
     train = (block % FOLDS != fold) & (last == block)
     return replace(flight, starts=flight.starts[train]), replace(flight, starts=flight.starts[test])

@@ -2,14 +2,14 @@
 
 The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
 accelerations over spans of `SPANS_S[0]`. Multiplied by the inertia J, they are torques τ, one per
-span and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge
+span and axis. τ̂ is a sum of `CURVE_KNOTS` hat functions of a variable's mean over the span. Ridge
 regression fits τ̂ to every other block of `WINDOW_S`; the others test it. Then the blocks change
 roles.
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
 The result of an axis is the variable with the largest share. This must be at least `LEAST`, and its
-95 % bootstrap interval over blocks must lie above zero. ``also`` lists the variables with more than
+bootstrap interval over blocks must lie above zero. ``also`` lists the variables with more than
 `NEARLY` times this share. Coloured residuals and the choice of the best variable raise the
 false-alarm rate above 5 %: the result is a hint, not a cause.
 """
@@ -21,14 +21,15 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.refits import WINDOW_S
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.gain import interval
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import SmoothedFlight, log_of, residuals
 
-KNOTS = 5
+CURVE_KNOTS = 5
 RIDGE = 1.0
 LEAST = 0.10
 NEARLY = 0.8
-DRAWS = 500
+SHARE_DRAWS = 500
 """Chosen; not derived: knots, ridge penalty, limits of the share, bootstrap draws"""
 
 
@@ -106,7 +107,7 @@ def _hats(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def _knots(z: np.ndarray) -> np.ndarray:
-    k = np.unique(np.quantile(z, np.linspace(0.03, 0.97, KNOTS)))
+    k = np.unique(np.quantile(z, np.linspace(0.03, 0.97, CURVE_KNOTS)))
     return k if len(k) > 1 else np.array([z.min(), z.min() + 1.0])
 
 
@@ -138,9 +139,9 @@ def _cross_validated_share(
     names = np.unique(block)
     W = np.array([explained[block == b].sum() for b in names])
     T = np.array([total[block == b].sum() for b in names])
-    drawn = np.random.default_rng(3).integers(0, len(names), (DRAWS, len(names)))
+    drawn = np.random.default_rng(3).integers(0, len(names), (SHARE_DRAWS, len(names)))
     draws = W[drawn].sum(axis=1) / T[drawn].sum(axis=1)
-    return float(W.sum() / T.sum()), float(np.percentile(draws, 2.5)), float((draws > 0).mean())
+    return float(W.sum() / T.sum()), interval(draws)[0], float((draws > 0).mean())
 
 
 def _curve(y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

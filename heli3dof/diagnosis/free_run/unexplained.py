@@ -39,12 +39,11 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.doubtful_findings import constant_voltage
 from heli3dof.diagnosis.constants import SIGMAS_95
-from heli3dof.errors import CheckFailed
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
 from heli3dof.model.estimation.filter_data import climb_rows
-from heli3dof.model.greybox.linearisation import hover_voltage
+from heli3dof.model.greybox.linearisation import equilibrium_deg, hover_voltage
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import errors, table_of
 from heli3dof.model.physics.integrator import readings
@@ -83,9 +82,9 @@ def unexplained_effects(
     Each object has a ``sentence``. ``flights``: the fitted recordings, examined for take-offs.
     ``runs``: recordings examined for creep; they lack an angle, so they are not fitted.
     """
+    measured = [c for r in runs if (c := measure_creep(fit, r)) is not None]
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
-    out += [x for r in runs for x in creep(fit, r)]
-    return out + list(compare_runs([c for r in runs if (c := measure_creep(fit, r)) is not None]))
+    return [*out, *(x for c in measured for x in creep(c)), *compare_runs(measured)]
 
 
 def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
@@ -201,22 +200,13 @@ def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
     volts = float(r.voltage[on[0], 0])
     factor = arm_torque(fit, late) / arm_torque(fit, early)
     ratio = hover_voltage(fit, late) / hover_voltage(fit, early)
-    return CreepRun(
-        r.name,
-        volts,
-        early,
-        late,
-        equilibrium_deg(fit, volts),
-        factor,
-        volts * (ratio - 1),
-        end,
-    )
+    model = equilibrium_deg(fit, volts)
+    return CreepRun(r.name, volts, early, late, model, factor, volts * (ratio - 1), end)
 
 
-def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
+def creep(c: CreepRun) -> Iterator[dict[str, Any]]:
     """Yield a JSON object if the arm creeps at constant voltage or is not at the model's roll."""
-    c = measure_creep(fit, recording)
-    if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < LEAST_ERROR_DEG):
+    if not c.creeps and abs(c.model_deg - c.early_deg) < LEAST_ERROR_DEG:
         return
     sentence = (
         f"At {c.voltage_V:g} V on both motors ({c.recording}, not fitted) the arm is at "
@@ -270,22 +260,6 @@ def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
     r = np.radians(roll_deg)
     torque = (at["T_g"] + at.get("mass.imbalance.torque_Nm", 0.0)) * np.cos(r)
     return float(torque + at.get(PENDULUM, 0.0) * np.sin(r))
-
-
-def equilibrium_deg(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
-    """Return the equilibrium roll (°) at this voltage on both motors; the table is ignored."""
-    coarse = np.linspace(-60, 60, 61)
-    angles = np.linspace(-60, 60, 1201)
-    needed = np.interp(angles, coarse, [_voltage_or_nan(fit, a) for a in coarse])
-    return float(angles[int(np.nanargmin(np.abs(needed - voltage_V)))])
-
-
-def _voltage_or_nan(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
-    """Return the voltage (V) that holds the arm at this roll angle; NaN if none does."""
-    try:
-        return hover_voltage(fit, roll_deg)
-    except CheckFailed:
-        return float("nan")
 
 
 def steady_rows(recording: Recording) -> np.ndarray:

@@ -13,7 +13,7 @@ common parameters. An open parameter θ was not confirmed by the recordings, so 
 of the new flight counts. θ_0 is the value of θ without the effect. The expected significance u of θ
 in the new flight, and the probability P that θ is significant there, are
 
-    u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
+    u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE_975`)
 
 Plans are ranked by the mean of P over the open parameters, per second of flight. A parameter on
 which the recordings have little information is assumed to have at least its ``typical`` size.
@@ -27,8 +27,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import MAX_COMPARED
-from heli3dof.diagnosis.free_run.elimination import NORMAL, QUANTILE
+from heli3dof.diagnosis.constants import MAX_COMPARED, QUANTILE_975
+from heli3dof.diagnosis.free_run.elimination import NORMAL
 from heli3dof.diagnosis.free_run.refits import STAGE_S
 from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
 from heli3dof.diagnosis.result import (
@@ -91,7 +91,7 @@ def next_free_flight(
     default all.
     """
     parameters = open_parameters(open_)
-    if not parameters or not is_stable(model, model.profile):
+    if not parameters or not is_stable(model):
         return None
     loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
     H = marginal(open_.fit.information, open_.fit.problem.n)
@@ -139,7 +139,7 @@ def probability_significant(u: float) -> float:
     >>> round(p(1.96), 2), round(p(4.0), 2)
     (0.5, 0.98)
     """
-    return NORMAL.cdf(u - QUANTILE)
+    return NORMAL.cdf(u - QUANTILE_975)
 
 
 def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:

@@ -17,13 +17,13 @@ causes,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
@@ -31,22 +31,20 @@ from heli3dof.diagnosis.result import (
     DOES_NOT_PAY,
     MIN_CERTAINTY,
     Diagnosis,
-    Dropped,
     NextExperiment,
     PlanForecast,
     percent,
 )
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
-from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, with_term_at
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.bias_correction.correction import model_at
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.row_selection import usable_runs
-from heli3dof.model.effects import Term, term
+from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
@@ -58,7 +56,8 @@ MOST_FLIGHTS = 20
 def fitted_cause(candidate: CandidateFit) -> Probe:
     """Return the candidate's term with the values of its full fit."""
     values = candidate.problem.values(candidate.optimum.theta)
-    return _cause(candidate.term, values[-len(candidate.term.effect.parameters) :])
+    own = values[-len(candidate.term.effect.parameters) :]
+    return Probe(candidate.term, tuple(map(float, own)))
 
 
 def typical_cause(name: str) -> Probe:
@@ -72,12 +71,7 @@ def typical_cause(name: str) -> Probe:
     size = first.typical if first.null + first.typical < first.high else -first.typical
     size = size if first.log else first.null + size
     size = size if first.start is None else first.start
-    return _cause(t, (size, *(p.typical for p in rest)))
-
-
-def _cause(t: Term, values: Iterable[float]) -> Probe:
-    first, *others = map(float, values)
-    return Probe(t, (first, *others), first - t.effect.parameters[0].null)
+    return Probe(t, (size, *(p.typical for p in rest)))
 
 
 def recommend(
@@ -98,9 +92,10 @@ def recommend(
     groups = [[*probes(c.term, V), c] for c in causes]
     profile = base.structure.profile
     o = base.optimum
-    models = [model_at(base.problem, o.theta, o.noise), *(_model_with(base, c) for c in causes)]
+    with_causes = (with_term_at(base.problem, o.theta, c.term, c.values) for c in causes)
+    models = [model_at(*x, o.noise) for x in ((base.problem, o.theta), *with_causes)]
     tasks = []
-    if all(is_stable(model, profile) for model in models):
+    if all(map(is_stable, models)):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
     outlooks = _outlooks(base, tasks, models, groups)
@@ -140,7 +135,11 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [fitted_cause(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
-        open_ = [_dropped_cause(x) for x in found.dropped if x.why == DOES_NOT_PAY]
+        open_ = [
+            typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
+            for x in found.dropped
+            if x.why == DOES_NOT_PAY
+        ]
         open_ = open_ or [
             typical_cause(name) for name in separable_by_flight("", found.not_identifiable)[:1]
         ]
@@ -150,11 +149,6 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
         return None if (recommended.certainty or 0.0) < MIN_CERTAINTY else recommended
     except UsageError:
         return None
-
-
-def _dropped_cause(x: Dropped) -> Probe:
-    """Return the dropped cause at its fitted size, or the typical one if it was not fitted."""
-    return typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
 
 
 def _why(best: PlanForecast, names: Sequence[str]) -> str:
@@ -254,9 +248,3 @@ def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """
     highest = np.maximum.reduceat(z**2, starts)
     return float(highest[i] - np.delete(highest, i).max(initial=0.0))
-
-
-def _model_with(base: Estimate, cause: Probe) -> GreyBoxModel:
-    """Return the base model with ``cause``."""
-    o = base.optimum
-    return model_at(*with_term_at(base.problem, o.theta, cause.term, cause.values), o.noise)

@@ -46,8 +46,9 @@ def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
     return Task(plan, signals, profile, seed)
 
 
-def is_stable(model: GreyBoxModel, profile: Profile) -> bool:
-    """Return True if the profile's controller stabilises the model."""
+def is_stable(model: GreyBoxModel) -> bool:
+    """Return True if the controller of the model's profile stabilises the model."""
+    profile = model.profile
     controller = profile.with_controller().controller
     assert controller is not None
     try:

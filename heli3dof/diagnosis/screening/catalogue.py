@@ -17,7 +17,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.screening.scans import Frequencies, Instants, Scan
 from heli3dof.model.effects import Term, effects
-from heli3dof.model.effects.base import SMALL
+from heli3dof.model.effects.base import SMALL, Effect
 
 
 @dataclass(frozen=True)
@@ -26,16 +26,22 @@ class Probe:
 
     term: Term
     values: tuple[float, ...]
-    size: float
-    """First parameter minus its null value, at which the effect is absent"""
-    grows: bool = True
-    """True if the effect grows from zero with its first parameter; False for a limit."""
     time_shifts: tuple[float, ...] = ()
     """s to add to the time of each recording, so that all have one phase; () for no shift"""
 
     @property
     def name(self) -> str:
         return self.term.name
+
+    @property
+    def grows(self) -> bool:
+        """Return True if the effect grows from zero with its first parameter; False for a limit."""
+        return not self.term.effect.probe_quantiles
+
+    @property
+    def size(self) -> float:
+        """Return the first parameter minus its null value (no effect); −1 for a limit."""
+        return self.values[0] - self.term.effect.parameters[0].null if self.grows else -1.0
 
 
 def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
@@ -46,11 +52,20 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
             continue
         if any(n and n not in without for n in (effect.within, effect.requires)):
             continue
-        where: list[str | None] = [a for a in AXES if a in effect.axes and a in axes]
-        if not effect.axes:
-            where = [None]
-        out += [t for t in (Term(effect, a) for a in where) if t.name not in without]
+        out += on_each_axis(effect, axes, without)
     return out
+
+
+def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
+    """Return the terms on ``axes`` that no score test detects (backlash), except ``without``."""
+    effects_with_grid = [e for e in effects().values() if e.starts and e.hooks]
+    return [t for e in effects_with_grid for t in on_each_axis(e, axes, without)]
+
+
+def on_each_axis(effect: Effect, axes: Sequence[str], without: Sequence[str]) -> list[Term]:
+    """Return the effect's term on each of its axes among ``axes``, except the terms ``without``."""
+    where = [a for a in AXES if a in effect.axes and a in axes] if effect.axes else [None]
+    return [t for t in (Term(effect, a) for a in where) if t.name not in without]
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
@@ -63,9 +78,9 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
         return []
     if effect.probe_quantiles:
         limits = np.nanquantile(np.abs(V), effect.probe_quantiles)
-        return [Probe(term, (float(v),), -1.0, grows=False) for v in np.unique(limits)]
+        return [Probe(term, (float(v),)) for v in np.unique(limits)]
     values = effect.probes or ((null[0] + SMALL * effect.parameters[0].typical,),)
-    return [Probe(term, (*v, *null[len(v) :]), v[0] - null[0]) for v in values]
+    return [Probe(term, (*v, *null[len(v) :])) for v in values]
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:

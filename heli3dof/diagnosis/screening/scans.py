@@ -24,14 +24,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import ACCURACY_S, LEAST_SHARE
+from heli3dof.diagnosis.constants import ACCURACY_S, MIN_INFORMATION_SHARE
 from heli3dof.identification.bias_correction.evaluation import Evaluation
 from heli3dof.identification.bias_correction.perturbation import forward
 from heli3dof.model.effects import Term
 
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 """Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
-KNOTS = 9
+SCAN_KNOTS = 9
 """Number of frequencies at which v is computed; of instants, two more. Chosen; not derived."""
 BIN_S = 0.02
 """Sampling period of λ for the Fourier transform. Chosen."""
@@ -53,7 +53,7 @@ def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.nd
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)
     v = full - np.einsum("ij,ij->j", cross, np.linalg.solve(A, cross))
-    return np.asarray(np.where(v > LEAST_SHARE * np.maximum(full, 1e-30), v, np.nan))
+    return np.asarray(np.where(v > MIN_INFORMATION_SHARE * np.maximum(full, 1e-30), v, np.nan))
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class Frequencies:
         """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
-        f = np.geomspace(max(LOWEST_HZ, 2.0 / length), HIGHEST_HZ, KNOTS)
+        f = np.geomspace(max(LOWEST_HZ, 2.0 / length), HIGHEST_HZ, SCAN_KNOTS)
         phase = 2 * np.pi * f[:, None] * t
         both = np.concatenate([np.cos(phase), np.sin(phase)])
-        v = _informations(evaluation, both[:, :, None] * unit, A).reshape(2, KNOTS)
+        v = _informations(evaluation, both[:, :, None] * unit, A).reshape(2, SCAN_KNOTS)
         return f, np.where(np.isfinite(v).all(axis=0), v.mean(axis=0), np.inf)
 
     def peak(
@@ -137,7 +137,7 @@ class Instants:
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
         """Return instants (K,) in s, and the information v (K,) of a unit torque from then on."""
         t = evaluation.path.t
-        when = np.linspace(t.min(), t.max(), KNOTS + 4)[1:-1]
+        when = np.linspace(t.min(), t.max(), SCAN_KNOTS + 4)[1:-1]
         v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)
         return when, np.where(np.isfinite(v), v, np.inf)
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.constants import LEAST_SHARE
+from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.scans import Scan
 from heli3dof.identification.bias_correction.evaluation import Evaluation
@@ -55,9 +55,9 @@ class ScreenResult:
 
 
 LEAST_INFORMATION = 1e-12
-"""Least δc W δc with which v is compared. A probe with v < `LEAST_SHARE` of it changes the readings
-by less than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no prediction
-depends."""
+"""Least δc W δc with which v is compared. A probe with v < `MIN_INFORMATION_SHARE` of it changes
+the readings by less than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no
+prediction depends."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
@@ -85,7 +85,7 @@ class Screen:
         A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = full - np.einsum("ij,ij->j", cross, self.solved)
-        testable = v > LEAST_SHARE * np.maximum(full, LEAST_INFORMATION)
+        testable = v > MIN_INFORMATION_SHARE * np.maximum(full, LEAST_INFORMATION)
         self.v = np.where(testable, v, np.inf)
         self.scan_informations = [
             s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans
@@ -95,14 +95,6 @@ class Screen:
     def names(self) -> tuple[str, ...]:
         """Return the names (P,) of the probes' terms, scans last."""
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
-
-    def information(self) -> np.ndarray:
-        """Return each probe's information on its first parameter, in 1/unit²; 0 for limits.
-
-        Scans are omitted.
-        """
-        size = np.array([p.size if p.grows else np.inf for p in self.plain])
-        return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
     def correlation(self, a: int, b: int) -> float:
         """Return the correlation ρ of the changes of predicted readings by probes ``a`` and ``b``.
@@ -142,7 +134,7 @@ class Screen:
             peak_z, values, time_shifts = scan.peak(evaluation, L[0], unit, information)
             z.append(peak_z)
             amplitude.append(values[0])
-            probes.append(Probe(scan.term, values, values[0], time_shifts=time_shifts))
+            probes.append(Probe(scan.term, values, time_shifts))
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
@@ -150,18 +142,14 @@ class Screen:
 
         The first array of values is without the effect, each further one at one probe.
         """
+        rows: dict[str, list[int]] = {}
+        for i, p in enumerate(self.plain):
+            rows.setdefault(p.name, []).append(i)
         out = []
-        names = [q.name for q in self.plain]
-        for name in dict.fromkeys(names):
-            rows = [i for i, other in enumerate(names) if other == name]
-            t = self.plain[rows[0]].term
-            wide, null = with_term(self.problem.structure, self.values, t)
-            out.append(
-                (
-                    rows, wide,
-                    [null, *(np.append(self.values, self.plain[i].values) for i in rows)],
-                )
-            )  # fmt: skip
+        for of_term in rows.values():
+            wide, null = with_term(self.problem.structure, self.values, self.plain[of_term[0]].term)
+            values = [np.append(self.values, self.plain[i].values) for i in of_term]
+            out.append((of_term, wide, [null, *values]))
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:

@@ -85,8 +85,10 @@ class Screening:
     @cached_property
     def _sigma(self) -> np.ndarray:
         """Return the standard deviation of every probe's first parameter; scans are omitted."""
-        v = np.maximum(self.screen.information(), 1e-300)
-        return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
+        plain, v = self.screen.plain, self.screen.v
+        size = np.array([p.size if p.grows else np.inf for p in plain])
+        information = np.maximum(np.where(np.isfinite(v), v, 0.0) / size**2, 1e-300)
+        return np.asarray(self.nulls.std[: len(plain)] / np.sqrt(information))
 
 
 def one_sided(probe: Probe) -> bool:

@@ -35,9 +35,12 @@ import numpy as np
 
 from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.constants import DRIFT, SUFFICIENT, TIE
-from heli3dof.diagnosis.screening.grid_trials import GridTrial
 from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
+from heli3dof.diagnosis.selection.candidate_fits import (
+    CandidateFit,
+    GridTrial,
+    fit_candidates,
+)
 from heli3dof.model.effects import Term
 
 MAX_FITS = 10

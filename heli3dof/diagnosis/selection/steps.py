@@ -7,24 +7,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
-from heli3dof.diagnosis.screening.grid_trials import (
-    GridTrial,
-    exceeds_nulls,
+from heli3dof.diagnosis.screening.catalogue import (
+    candidates,
+    probes,
+    scans,
     terms_without_score,
-    trials,
-    with_term_added,
 )
 from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
+from heli3dof.diagnosis.selection.candidate_fits import (
+    CandidateFit,
+    GridTrial,
+    correction_starts,
+    exceeds_nulls,
+    trials,
+)
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, best_choice, choose, with_ties
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
@@ -57,7 +61,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return trials of ``untested`` terms that justify full fits (`screening.grid_trials`)."""
+        """Return trials of ``untested`` terms that justify full fits (`candidate_fits`)."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:
@@ -117,15 +121,15 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
     if last.choice is not None:
         return list(steps)
     Z2 = {t.name: Z2 for t, Z2, _ in last.ranked if last.nulls.threshold_of(t) <= Z2}
-    return [replace(s, choice=_with_rivals(s.choice, Z2)) for s in steps]
-
-
-def _with_rivals(choice: Choice | None, Z2: Mapping[str, float]) -> Choice | None:
-    if choice is None:
-        return None
-    others = choice.candidates[1:]
-    remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.Z2)
-    return with_ties(choice, remain)
+    out = []
+    for s in steps:
+        choice = s.choice
+        if choice is not None:
+            others = choice.candidates[1:]
+            remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.Z2)
+            choice = with_ties(choice, remain)
+        out.append(replace(s, choice=choice))
+    return out
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
@@ -173,7 +177,7 @@ def with_forms(
     """Return the likelihood with the terms of ``others`` added, and its refitted optimum."""
     theta = optimum.theta
     for c in others:
-        problem = with_term_added(problem, c.term)
+        problem = problem.with_term(c.term)
         theta = np.append(theta, c.optimum.theta[-1])
     if not others:
         return problem, optimum
@@ -190,29 +194,22 @@ def bias_corrected(
     counts change); the fit with the smaller `unexplained_scatter` is returned. If the fit gives an
     implausible inertia, it is repeated with a narrow prior on the inertias.
     """
-    return with_plausible_inertias(problem, lambda p: _corrected(setup, p, optimum, current))
 
+    def corrected(p: Likelihood) -> CorrectedFit:
+        if not setup.controller_is_known:
+            return CorrectedFit(p, maximise_corrected(p, optimum.theta, optimum.noise, None))
+        fit = correct(
+            p, correction_starts(optimum, current), setup.recordings, seed=setup.seed,
+            flights_per_round=setup.flights_per_round, rounds=4,
+        )  # fmt: skip
+        if not fit.is_corrected or not scatters_on_limit_cycle(fit):
+            return fit
+        # On axes with a limit cycle, the noise is held at that of a fit without the last cause,
+        # which may be too large.
+        again = fit_with_edge_rates(p, fit, setup.recordings, seed=setup.seed)
+        return min(fit, again, key=lambda f: f.unexplained_scatter)
 
-def _corrected(
-    setup: Setup, problem: Likelihood, optimum: Optimum, current: CorrectedFit | None
-) -> CorrectedFit:
-    if not setup.controller_is_known:
-        optimum = maximise_corrected(problem, optimum.theta, optimum.noise, None)
-        return CorrectedFit(problem, optimum)
-    fit = correct(
-        problem,
-        correction_starts(optimum, current),
-        setup.recordings,
-        seed=setup.seed,
-        flights_per_round=setup.flights_per_round,
-        rounds=4,
-    )
-    if not fit.is_corrected or not scatters_on_limit_cycle(fit):
-        return fit
-    # On axes with a limit cycle, the noise is held at that of a fit without the last cause, which
-    # may be too large.
-    again = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
-    return min(fit, again, key=lambda f: f.unexplained_scatter)
+    return with_plausible_inertias(problem, corrected)
 
 
 @lru_cache(maxsize=8)

@@ -3,7 +3,7 @@
 A fit has p scaled parameters θ (`FreeParameter.scaled`), with prior mean θ_0 and information Λ.
 T (p, E) are the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings'
 information. D (K, E) are the derivatives by K coefficients of free-form torques
-(`unmodelled.hat_functions`). Then
+(`unmodelled.residual_torque`). Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
@@ -13,12 +13,9 @@ B flights of the fitted rig are simulated, without residual torque. Their scores
 the prior, so the mean score is the filter's bias ḡ (`bias_correction.correction`). If flights
 cannot be simulated, the scores are computed for half-second blocks of the recorded flight.
 
-**Similarity.** δ (E,) is the change of the readings by a torque, δ_p that by probe p of a named
-cause (`screening.score_test`). With θ projected out, their correlation is
-
-    cos = ⟨δ, δ_p⟩/√(⟨δ, δ⟩⟨δ_p, δ_p⟩),      ⟨a, b⟩ = Σ w a b − (T w a)ᵀ A⁻¹ (T w b)
-
-If |cos| exceeds `LIKE`, the torque is reported as "…-like".
+**Similarity.** cos is the correlation of the changes of the readings by a torque and by a probe of
+a named cause, with θ projected out (`screening.score_test`). If |cos| exceeds `LIKE`, the torque is
+reported as "…-like".
 """
 
 from __future__ import annotations
@@ -30,12 +27,13 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.constants import LEAST_SHARE
+from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
 from heli3dof.diagnosis.screening.catalogue import candidates, probes
 from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.unmodelled.hat_functions import Hats, hats
 from heli3dof.diagnosis.unmodelled.residual_torque import (
+    Hats,
     LinearisedRun,
+    hats,
     linearised_run,
     linearised_run_at,
 )
@@ -291,7 +289,7 @@ def similarity(
     projected = project_out(D, tangents, A, at.w)
     full, remaining = (np.einsum("ij,j,ij->i", D, at.w, x) for x in (D, projected))
     with_trace = projected @ (at.w * trace)
-    informative = remaining > LEAST_SHARE * np.maximum(full, 1e-30)
+    informative = remaining > MIN_INFORMATION_SHARE * np.maximum(full, 1e-30)
     with np.errstate(invalid="ignore", divide="ignore"):
         cos = np.abs(np.where(informative, with_trace / np.sqrt(remaining[0] * remaining), 0.0))[1:]
     best = int(np.argmax(cos))

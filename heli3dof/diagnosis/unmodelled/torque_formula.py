@@ -1,10 +1,8 @@
 """A formula for an unmodelled torque: the product of measured quantities that explains most.
 
 On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
-a fit (Rao's score test). D is the change of the innovations e per unit of c, w their information.
-The fit's scaled parameters, with tangents T, information A and score g, are projected out:
+a fit. With the efficient score u of c and its information v (`screening.score_test`),
 
-    u = D·∂ln L/∂e − (T w D)ᵀ A⁻¹ g,    v = D w D − (T w D)ᵀ A⁻¹ (T w D)
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
 The same test of the piecewise linear torque Σ τ_k φ_k, of rank r, gives S_spline. The
@@ -35,8 +33,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
-from heli3dof.diagnosis.unmodelled.hat_functions import hats, sums_along
-from heli3dof.diagnosis.unmodelled.residual_torque import UNITS
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hats, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
     evidence_without_nulls,
@@ -194,7 +191,7 @@ def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def spline_score(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
     """Return the test statistic S and rank r of a piecewise linear torque of ``variable``.
 
-    S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or if the flight contains no
+    S is 0 if the variable's range is below `MIN_RANGE` of its unit, or if the flight contains no
     information about the torque.
     """
     flight = x.flight

@@ -1,7 +1,7 @@
 """Test each axis for a residual torque, which the fitted model lacks.
 
 It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z. φ_j are hat
-functions, τ_j coefficients in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
+functions, τ_j coefficients in N·m (`unmodelled.residual_torque`). The `KNOTS` hat functions
 of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
@@ -40,8 +40,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
 from heli3dof.diagnosis.screening.nulls import gumbel, gumbel_factor
-from heli3dof.diagnosis.unmodelled.hat_functions import Hats, HatScores, sums_along
-from heli3dof.diagnosis.unmodelled.residual_torque import LinearisedRun
+from heli3dof.diagnosis.unmodelled.residual_torque import Hats, HatScores, LinearisedRun, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     LIKE,
     RANK_TOLERANCE,

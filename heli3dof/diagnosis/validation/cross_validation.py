@@ -20,7 +20,7 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
    for that without. So a rougher held-out flight favours neither model.
 5. A phase or an instant (`effects.Parameter.per_recording`) of a hold-out recording is estimated on
-   that recording (`validation.per_recording_values`). Without hold-out recordings, the time shifts
+   that recording (`validation.prediction`). Without hold-out recordings, the time shifts
    that give several recordings one phase come from all rows.
 6. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
    because only encoder edges in both directions determine the position within the backlash.
@@ -35,12 +35,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
-from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import (
     prediction_errors,
     problem_of,
+    rows_of_recordings,
     starts_of,
     with_blocks,
+    with_own_values,
 )
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
@@ -58,7 +59,7 @@ MIN_BLOCK_S = 3.0
 """s; shortest mean length of a block, except that there are at least two. Chosen."""
 PURGE_S = 0.5
 """s; rows on either side of a block that are left out with it. Chosen."""
-ROUNDS = 4
+SEARCH_ROUNDS = 4
 """Largest number of Gauss-Newton iterations after a long step. Chosen."""
 LONG_STEP = 1.0
 """Standard deviations: length of a first step above which the search goes on. Chosen."""
@@ -86,13 +87,12 @@ def on_holdout(
     return _summed_over_cells(problem.data, "holdout", results)
 
 
-def on_blocks(fit: Estimate, blocks: int = BLOCKS, *, theta: np.ndarray | None = None) -> HeldOut:
+def on_blocks(fit: Estimate, theta: np.ndarray | None = None) -> HeldOut:
     """Evaluate a fit on each block, with parameters from the other blocks, or with ``theta``."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
-
-    cuts = _blocks(d, blocks)
+    cuts = _blocks(d)
 
     def evaluate_block(k: int) -> RowResults:
         own = _estimate_without(fit, at, tangents, cuts[k]) if theta is None else theta
@@ -110,27 +110,39 @@ def held_out(
 
     With ``theta`` (n,), the model is evaluated on the same rows with these parameters instead.
     """
-    return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta=theta)
+    return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta)
 
 
-def _blocks(d: Data, blocks: int) -> list[tuple[int, int]]:
+def _blocks(d: Data) -> list[tuple[int, int]]:
     """Return the rows [a, b) of each block; all blocks have equally many measured rows."""
     rows = np.concatenate([np.arange(start, stop) for _, start, stop in d.blocks])
     dt = float(np.median(d.h))
-    n = int(np.clip(len(rows) * dt / MIN_BLOCK_S, 2, blocks))
+    n = int(np.clip(len(rows) * dt / MIN_BLOCK_S, 2, BLOCKS))
     ends = np.linspace(0, len(rows), n + 1).astype(int)
     return [(int(rows[a]), int(rows[b - 1]) + 1) for a, b in itertools.pairwise(ends)]
 
 
 def training(d: Data, rows: tuple[int, int]) -> Data:
     """Return the data without the rows [a, b) and without `PURGE_S` on either side."""
+    purge = round(PURGE_S / float(np.median(d.h)))
+    ranges = (0, rows[0] - purge), (rows[1] + purge, len(d.t))
+    return _restricted(d, ranges, least_s=MIN_INTERVAL_S)
+
+
+def _restricted(
+    d: Data, ranges: Sequence[tuple[int, int]], *, least_s: float = 0.0, settle_s: float = 0.0
+) -> Data:
+    """Return the data of the rows in ``ranges`` [a, b), with up to ``settle_s`` before them.
+
+    Parts of a run that are shorter than ``least_s`` are left out.
+    """
     dt = float(np.median(d.h))
-    purge, least, lead = (round(s / dt) for s in (PURGE_S, MIN_INTERVAL_S, LEAD_S))
-    a, b = rows[0] - purge, rows[1] + purge
+    least, settle, lead = (round(s / dt) for s in (least_s, settle_s, LEAD_S))
     kept = []
     for first, start, stop in d.blocks.tolist():
-        for low, high in ((start, min(stop, a)), (max(start, b), stop)):
-            if high - low >= least:
+        for a, b in ranges:
+            low, high = max(start, a - settle), min(stop, b)
+            if high - max(low, a) >= max(least, 1):
                 kept.append((max(first, low - lead), low, high))
     return with_blocks(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
@@ -166,7 +178,7 @@ def _estimate_without(
         return np.asarray(updated)
     correction = ScoreBias(bias_of_rows, np.zeros(3), theta, noise)
     return maximise_corrected(
-        problem, updated, noise, correction, rounds=ROUNDS, hold_noise=True
+        problem, updated, noise, correction, rounds=SEARCH_ROUNDS, hold_noise=True
     ).theta
 
 
@@ -194,7 +206,7 @@ def _evaluate(
 ) -> RowResults:
     """Evaluate the model at θ (n,) on ``rows`` [a, b), with the process noise most likely there."""
     data = problem.data
-    evaluated = replace(problem, data=_with_settling(data, rows, settling_s(problem)))
+    evaluated = replace(problem, data=_restricted(data, [rows], settle_s=settling_s(problem)))
     noise = _most_likely_noise(evaluated, theta, noise, rows[0])
     X = evaluated.run(theta, noise, keep=3).X
     assert X is not None
@@ -214,18 +226,6 @@ def settling_s(problem: Likelihood) -> float:
     """Return the filter's settling time in s, from its start to the first evaluated row."""
     has_backlash = any(t.effect.starts for t in problem.structure.terms)
     return BACKLASH_SETTLE_S if has_backlash else SETTLE_S
-
-
-def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
-    """Return the data of ``rows`` [a, b), with up to ``settle_s`` s before them in each run."""
-    dt = float(np.median(d.h))
-    settle, lead = round(settle_s / dt), round(LEAD_S / dt)
-    kept = []
-    for first, start, stop in d.blocks.tolist():
-        low, high = max(start, rows[0] - settle), min(stop, rows[1])
-        if high > max(low, rows[0]):
-            kept.append((max(first, low - lead), low, high))
-    return with_blocks(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:

@@ -1,27 +1,32 @@
-"""Compute a model's prediction errors from filtered states, and their noise floor.
+"""Evaluate a model on recordings: parameters that differ between them, and prediction errors.
 
     e_i = y_i[k + n] − ŷ_i[k + n]       rad, of axis i, n rows ahead
 
-The prediction ŷ starts from the filter's state at row k and uses the recorded voltages. The noise
-floor is the error that the true model would have in white noise. If the controller is known, it is
-the error on simulated flights of the model. Otherwise it is √(P + Δ²/12), with the filter's
-variance P predicted to the horizon and the encoder step Δ.
+The prediction ŷ starts from the filter's state at row k and uses the recorded voltages.
+
+**Phases and instants.** A periodic torque has the same amplitude and frequency in every recording
+of a rig, but not the same phase φ. A mass is added at a different instant t_m in each. In
+recordings that were not fitted, φ or t_m is the value that maximises the log-likelihood ℓ there;
+all other parameters stay as they are. Several phases and instants are estimated one after another.
+
+For a torque proportional to sin(2π f t + φ), ℓ is nearly a quadratic function of cos φ and sin φ:
+
+    ℓ(φ) = Σ_{k=0..2} a_k cos kφ + b_k sin kφ
+
+`PHASES` values of ℓ determine its coefficients (discrete Fourier transform). The largest ℓ(t_m) is
+searched on a grid from before the recording (the mass is there throughout) to after it (never).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
-from heli3dof.errors import RecordingError
-from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
+from heli3dof.diagnosis.constants import ACCURACY_S
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.row_selection import usable_runs
-from heli3dof.model.control.voltage_replay import controller_is_known
-from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import NOISE
@@ -35,8 +40,12 @@ EVERY_S = 0.05
 """s between starts. Chosen."""
 SETTLED_S = 0.5
 """s at the start of a run for the filter to settle; no prediction starts there. Chosen."""
-FAR = 10 * np.pi
+MAX_ERROR = 10 * np.pi
 """rad: a larger or infinite prediction error counts as this value. Chosen: five turns."""
+PHASES = 8
+"""Values of φ at which ℓ is evaluated; five are the fewest for two harmonics."""
+INSTANT_S = 1.0
+"""s; distance of the grid's instants. The grid begins before the recording and ends after it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +56,7 @@ class PredictionErrors:
     """(S,) rows of the data"""
     horizons_s: tuple[float, ...]
     errors: np.ndarray
-    """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
+    """(S, H, 3) rad, at most `MAX_ERROR`; NaN beyond the end of a run and on unmeasured axes"""
 
     def rmse_deg(self) -> np.ndarray:
         """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis."""
@@ -92,7 +101,7 @@ def prediction_errors(
 
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))
-    starts, rows = starts_of(d) if starts is None else starts, _rows_ahead(d, horizons_s)
+    starts, rows = starts_of(d) if starts is None else starts, rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
     inside = np.zeros(len(d.t), dtype=bool)
     for _, start, stop in d.blocks:
@@ -105,69 +114,20 @@ def prediction_errors(
     )  # fmt: skip
     out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
-    return PredictionErrors(starts, tuple(horizons_s), np.clip(d.y[end] - out, -FAR, FAR))
+    return PredictionErrors(
+        starts, tuple(horizons_s), np.clip(d.y[end] - out, -MAX_ERROR, MAX_ERROR)
+    )
 
 
 def model_errors(
-    model: GreyBoxModel,
-    recordings: Sequence[Recording],
-    horizons_s: Sequence[float] = HORIZONS_S,
+    model: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Likelihood, PredictionErrors]:
-    """Return the likelihood of the recordings, and the model's prediction errors on them."""
+    """Return the recordings' likelihood, and the model's prediction errors at `HORIZONS_S`."""
     problem = problem_of(model.structure, recordings)
     theta = problem.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
-    return problem, prediction_errors(problem, theta, X, horizons_s)
-
-
-def floor_deg(
-    model: GreyBoxModel, recordings: Sequence[Recording], *, flights: int = 2, seed: int = 0
-) -> tuple[np.ndarray, str]:
-    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
-
-    The floor comes from simulated flights. If the controller is unknown, or a simulated flight has
-    no usable rows (as with an unstable model), it comes from the filter's covariance.
-    """
-    by_formula = "the filter's covariance"
-    if not controller_is_known(recordings):
-        return covariance_floor_deg(model, recordings), by_formula
-
-    def simulated_mean_square(replication: int) -> np.ndarray:
-        rng = np.random.default_rng([seed, 77, replication])
-        simulated = [simulated_flight(model, r, rng) for r in recordings]
-        return mean_square(model_errors(model, simulated)[1].errors)
-
-    try:
-        squares = parallel_map(simulated_mean_square, flights)
-    except RecordingError:
-        return covariance_floor_deg(model, recordings), by_formula
-    return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
-
-
-def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
-    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, from the filter's variances."""
-    from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
-
-    problem = problem_of(model.structure, recordings)
-    noise = noise_of(model)
-    flight = linearised_run_at(problem, problem.scaled(model.values), noise)
-    d, at = flight.data, flight.at
-    starts, rows = starts_of(d), _rows_ahead(d, HORIZONS_S)
-    out = np.full((len(starts), len(rows), 3), np.nan)
-    P0 = np.zeros((len(d.blocks), 6))
-    P0[:, :3] = np.where(d.grid > 0, d.grid**2 / 12, problem.encoder_noise)
-    P0[:, 3:] = RATE_0**2
-    P0 *= np.hstack([d.free, d.free])
-    prediction_variances(
-        d.blocks, d.free, d.t, d.h, flight.A, flight.slope, at.row, at.state, at.w, at.K,
-        noise[:3] ** 2, P0, starts, rows, out,
-    )  # fmt: skip
-    rounding = np.where(d.axes, (d.grid**2).max(axis=0) / 12, np.nan)
-    finite = np.isfinite(out)
-    count = np.maximum(finite.sum(axis=0), 1)
-    mean = np.where(finite.any(axis=0), np.where(finite, out, 0.0).sum(axis=0) / count, np.nan)
-    return np.asarray(np.degrees(np.sqrt(mean + rounding)))
+    return problem, prediction_errors(problem, theta, X, HORIZONS_S)
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
@@ -195,6 +155,76 @@ def starts_of(d: Data) -> np.ndarray:
     return np.concatenate(out).astype(np.int64)
 
 
-def _rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
+def rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
+    """Return the horizons (H,) in rows of the data."""
     dt = float(np.median(d.h))
     return np.array([max(1, round(h / dt)) for h in horizons_s], dtype=np.int64)
+
+
+def rows_of_recordings(d: Data) -> list[tuple[int, int]]:
+    """Return the rows [a, b) that hold the runs of each recording, in the order of ``d.runs``."""
+    sources = [run.source for run in d.runs]
+    of = {s: [b for b, other in zip(d.blocks, sources, strict=True) if other == s] for s in sources}
+    return [(int(blocks[0][1]), int(blocks[-1][2])) for blocks in of.values()]
+
+
+def with_own_values(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
+) -> np.ndarray:
+    """Return θ (n,) with each phase and instant estimated on the recording in ``rows`` [a, b)."""
+    theta = theta.copy()
+    d = problem.data
+    inside = (d.blocks[:, 1] >= rows[0]) & (d.blocks[:, 2] <= rows[1])
+    recording = replace(problem, data=with_blocks(d, d.blocks[inside]))
+    by_name = {t.name: t.effect for t in problem.structure.terms}
+    for j, f in enumerate(problem.structure.free):
+        if f.term is None or not f.per_recording:
+            continue
+
+        def loglik(value: float, j: int = j) -> float:
+            at = theta.copy()
+            at[j] = problem.structure.free[j].scaled(value)
+            total = float(recording.run(at, noise, keep=0).loglik.sum())
+            return total if np.isfinite(total) else -np.inf
+
+        t = d.t[rows[0] : rows[1]]
+        if by_name[f.term].scan == "frequency":
+            theta[j] = f.scaled(best_phase(loglik))
+        else:
+            theta[j] = f.scaled(best_instant(loglik, float(t.min()), float(t.max())))
+    return theta
+
+
+def best_phase(loglik: Callable[[float], float]) -> float:
+    """Return the phase in [0, 2π) rad that maximises ``loglik``, a sum of two harmonics.
+
+    >>> round(best_phase(lambda phi: 3 * np.cos(phi - 1.0) - np.cos(phi - 1.0) ** 2), 3)
+    1.0
+    """
+    phases = 2 * np.pi * np.arange(PHASES) / PHASES
+    values = parallel_map(lambda k: loglik(float(phases[k])), PHASES)
+    if not np.isfinite(values).all():  # the filter diverged at some phases
+        return float(phases[np.argmax(values)])
+    c = np.fft.rfft(values)[:3] / PHASES
+    phi = np.linspace(0.0, 2 * np.pi, 3600, endpoint=False)
+    fitted = c[0].real + sum(2 * (c[k] * np.exp(1j * k * phi)).real for k in (1, 2))
+    return float(phi[np.argmax(fitted)])
+
+
+def best_instant(loglik: Callable[[float], float], first: float, last: float) -> float:
+    """Return the instant (s) that maximises ``loglik``, searched from before first to after last.
+
+    >>> round(best_instant(lambda t: -abs(t - 7.3), 0.0, 20.0), 1)
+    7.3
+    """
+    from scipy.optimize import minimize_scalar
+
+    grid = np.arange(first - INSTANT_S, last + 2 * INSTANT_S, INSTANT_S)
+    values = parallel_map(lambda k: loglik(float(grid[k])), len(grid))
+    k = int(np.argmax(values))
+    nearest = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, len(grid) - 1)])
+    found = minimize_scalar(
+        lambda t: -loglik(float(t)), bounds=nearest, method="bounded",
+        options={"xatol": ACCURACY_S},
+    )  # fmt: skip
+    return float(found.x) if -found.fun > values[k] else float(grid[k])

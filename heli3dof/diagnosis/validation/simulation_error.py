@@ -1,36 +1,74 @@
 """Compute a model's prediction errors by axis and horizon, their noise floor and worst intervals.
 
-The noise floor is the error that the true model would have (`validation.prediction`), with the
-recordings' coloured noise (`validation.coloured_noise`). It should be computed for the model with
-the effects found: a fit without these effects attributes them to noise.
+The noise floor is the error that the true model would have. It should be computed for the model
+with the effects found: a fit without these effects attributes them to noise. If the controller is
+known, the floor in white noise is the error on simulated flights of the model. Otherwise it is
+√(P + Δ²/12), with the filter's variance P predicted to the horizon and the encoder step Δ. The
+recordings' coloured noise adds to it.
 
-The worst interval of an axis is the window of `WINDOW_S` in which predictions over `HORIZON_S` have
+The worst interval of an axis is the window of `WORST_S` in which predictions over `HORIZON_S` have
 the largest mean square error.
+
+**Coloured noise.** The filter assumes white process noise: an angular acceleration n(t) of each
+axis, with the density a² (a in rad/s²/√Hz). Draughts and other real torques are correlated over
+tenths of a second. The fit then matches only high frequencies, so long predictions are worse than
+the filter expects. In a prediction over h, n causes the error
+
+    e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
+    ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
+
+w is the normalised autocorrelation of the ramp h − s. The correlation of n is estimated from scores
+u_b = Σ g δc, each a sum over the readings in one block of Δ = `NOISE_BLOCK_S`. g is the score of a
+reading's prediction, δc its change by a constant acceleration of 1 rad/s². The mean of the u_b,
+which a constant torque causes, is subtracted. Γ_l is their autocovariance at lag l. With white
+noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m) for m blocks. ρ is set
+to 1 unless it exceeds 1 by `QUANTILE_99` standard deviations.
+
+The formula neglects stiffness and damping within h. The u_b have the correlation of n, because the
+filter responds to n faster than h. A slow torque that the model lacks also counts as noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.validation.coloured_noise import coloured_variance
+from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
 from heli3dof.diagnosis.validation.gain import HORIZON_S
 from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
     PredictionErrors,
-    floor_deg,
     mean_square,
     model_errors,
+    noise_of,
+    problem_of,
+    rows_ahead,
+    rows_of_recordings,
+    starts_of,
+    with_own_values,
 )
+from heli3dof.errors import RecordingError
+from heli3dof.identification.bias_correction.coloured_noise import CHANCE
+from heli3dof.identification.bias_correction.perturbation import forward, path
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
+from heli3dof.identification.greybox.estimate import block_numbers
+from heli3dof.model.control.voltage_replay import controller_is_known
+from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-WINDOW_S = 3.0
+WORST_S = 3.0
 """s, length of the worst interval. Chosen."""
+NOISE_BLOCK_S = 0.05
+"""s; a tenth of the time over which torques of real rigs are correlated. Chosen."""
+QUANTILE_99 = NormalDist().inv_cdf(1 - CHANCE)
+"""99 % quantile of the normal distribution"""
 
 
 @dataclass(frozen=True)
@@ -98,13 +136,115 @@ def _worst(
         if not inside.any():
             continue
         last = float(data.t[stop - 1])
-        for start_s in np.arange(t[0], max(last - WINDOW_S, t[0]) + 1e-9, WINDOW_S / 3):
-            window = (t >= start_s) & (t < start_s + WINDOW_S)
+        for start_s in np.arange(t[0], max(last - WORST_S, t[0]) + 1e-9, WORST_S / 3):
+            window = (t >= start_s) & (t < start_s + WORST_S)
             rmse = np.degrees(np.sqrt(mean_square(errors[inside][window])))
             for i in (i for i in range(3) if np.isfinite(rmse[i])):
                 if i not in worst or rmse[i] > worst[i].rmse_deg:
                     worst[i] = WorstInterval(
                         AXES[i], recordings[run.source].name, float(start_s),
-                        float(min(start_s + WINDOW_S, last)), float(rmse[i]),
+                        float(min(start_s + WORST_S, last)), float(rmse[i]),
                     )  # fmt: skip
     return tuple(worst[i] for i in sorted(worst))
+
+
+def floor_deg(
+    model: GreyBoxModel, recordings: Sequence[Recording], *, flights: int = 2, seed: int = 0
+) -> tuple[np.ndarray, str]:
+    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
+
+    The floor comes from simulated flights. If the controller is unknown, or a simulated flight has
+    no usable rows (as with an unstable model), it comes from the filter's covariance.
+    """
+    by_formula = "the filter's covariance"
+    if not controller_is_known(recordings):
+        return covariance_floor_deg(model, recordings), by_formula
+
+    def simulated_mean_square(replication: int) -> np.ndarray:
+        rng = np.random.default_rng([seed, 77, replication])
+        simulated = [simulated_flight(model, r, rng) for r in recordings]
+        return mean_square(model_errors(model, simulated)[1].errors)
+
+    try:
+        squares = parallel_map(simulated_mean_square, flights)
+    except RecordingError:
+        return covariance_floor_deg(model, recordings), by_formula
+    return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
+
+
+def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
+    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, from the filter's variances."""
+    from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
+
+    problem = problem_of(model.structure, recordings)
+    noise = noise_of(model)
+    flight = linearised_run_at(problem, problem.scaled(model.values), noise)
+    d, at = flight.data, flight.at
+    starts, rows = starts_of(d), rows_ahead(d, HORIZONS_S)
+    out = np.full((len(starts), len(rows), 3), np.nan)
+    P0 = np.zeros((len(d.blocks), 6))
+    P0[:, :3] = np.where(d.grid > 0, d.grid**2 / 12, problem.encoder_noise)
+    P0[:, 3:] = RATE_0**2
+    P0 *= np.hstack([d.free, d.free])
+    prediction_variances(
+        d.blocks, d.free, d.t, d.h, flight.A, flight.slope, at.row, at.state, at.w, at.K,
+        noise[:3] ** 2, P0, starts, rows, out,
+    )  # fmt: skip
+    rounding = np.where(d.axes, (d.grid**2).max(axis=0) / 12, np.nan)
+    finite = np.isfinite(out)
+    count = np.maximum(finite.sum(axis=0), 1)
+    mean = np.where(finite.any(axis=0), np.where(finite, out, 0.0).sum(axis=0) / count, np.nan)
+    return np.asarray(np.degrees(np.sqrt(mean + rounding)))
+
+
+def coloured_variance(
+    model: GreyBoxModel, recordings: Sequence[Recording], horizons_s: Sequence[float]
+) -> np.ndarray:
+    """Return the variance (H, 3) rad² that coloured noise adds to predictions at H horizons.
+
+    It is (ρ − 1) a² h³/3 for each horizon h and axis.
+    """
+    scores = [torque_scores(model, r) for r in recordings]
+    h = np.array(horizons_s)
+    rho = [[_rho([u[:, i] for u in scores], float(x)) for i in range(3)] for x in h]
+    white = noise_of(model)[:3] ** 2 * h[:, None] ** 3 / 3
+    return np.asarray((np.array(rho) - 1) * white)
+
+
+def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
+    """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks."""
+    problem, noise = problem_of(model.structure, [recording]), noise_of(model)
+    (rows,) = rows_of_recordings(problem.data)
+    theta = with_own_values(problem, problem.scaled(model.values), noise, rows)
+    at = problem.run(theta, noise, keep=2)
+    p = path(problem.structure, problem.values(theta), problem.data, at)
+    unit = np.zeros((3, len(p.chunk), 3))
+    unit[range(3), :, range(3)] = 1.0
+    block = block_numbers(problem.data, NOISE_BLOCK_S)[at.row]
+    u = np.column_stack([np.bincount(block, d * at.g) for d in forward(p, unit)])
+    return np.asarray(u - u.mean(axis=0))
+
+
+def _rho(series: Sequence[np.ndarray], horizon_s: float) -> float:
+    """Return ρ of one axis at one horizon; ``series``: its scores (m,) of each recording.
+
+    >>> rng = np.random.default_rng(0)
+    >>> white = rng.standard_normal(40_000)
+    >>> _rho([white], 1.0)
+    1.0
+    >>> slow = np.convolve(white, np.ones(10))  # a mean over 0.5 s: Γ_l/Γ_0 = 1 − l/10
+    >>> x = np.arange(1, 10) / 20
+    >>> exact = 1 + 2 * ((1 - 1.5 * x + x**3 / 2) * (1 - 2 * x)).sum()
+    >>> bool(abs(_rho([slow], 1.0) / exact - 1) < 0.05)
+    True
+    """
+    lags = np.arange(1, max(2, round(horizon_s / NOISE_BLOCK_S)))
+    x = lags * NOISE_BLOCK_S / horizon_s
+    w = np.where(x < 1, 1 - 1.5 * x + x**3 / 2, 0.0)
+    power = sum(float(u @ u) for u in series)
+    if not power > 0:
+        return 1.0
+    covariance = [sum(float(u[:-lag] @ u[lag:]) for u in series) for lag in lags]
+    rho = 1 + 2 * float(w @ covariance) / power
+    std = np.sqrt(4 * float(w @ w) / sum(map(len, series)))
+    return rho if rho > 1 + QUANTILE_99 * std else 1.0

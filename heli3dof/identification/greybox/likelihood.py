@@ -16,11 +16,12 @@ the prior changes this parameter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from heli3dof.model.effects import Term
 from heli3dof.model.estimation.ekf_quantised import FilterRun, filter_quantised, follow
 from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_noise
 from heli3dof.model.physics.parametrisation import Structure
@@ -47,6 +48,10 @@ class Likelihood:
     def free_noise(self) -> np.ndarray:
         """Return (3,) bool: the measured axes whose process noise a fit estimates."""
         return np.asarray(self.data.axes & ~np.array(self.known_noise))
+
+    def with_term(self, term: Term) -> Likelihood:
+        """Return the likelihood of the model with ``term`` added."""
+        return replace(self, structure=self.structure.with_terms(term))
 
     @cached_property
     def prior_mean(self) -> np.ndarray:

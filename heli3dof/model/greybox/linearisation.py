@@ -179,6 +179,21 @@ def hover_voltage(model: Valued, roll_deg: float = 0.0) -> float:
     return float(_hover(model, roll_deg)[0].mean())
 
 
+def equilibrium_deg(model: Valued, voltage_V: float) -> float:
+    """Return the equilibrium roll (°) at this voltage on both motors; the table is ignored."""
+
+    def voltage_or_nan(roll_deg: float) -> float:
+        try:
+            return hover_voltage(model, roll_deg)
+        except CheckFailed:  # no voltage holds the arm at this angle
+            return float("nan")
+
+    coarse = np.linspace(-60, 60, 61)
+    angles = np.linspace(-60, 60, 1201)
+    needed = np.interp(angles, coarse, [voltage_or_nan(a) for a in coarse])
+    return float(angles[int(np.nanargmin(np.abs(needed - voltage_V)))])
+
+
 def level_hover(model: GreyBoxModel) -> LevelHover | None:
     """Return the level hover of ``model``; None if no voltage holds it level."""
     try:

@@ -12,7 +12,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
-from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, quoted
 from heli3dof.identification.profile_update import ratio_unit

@@ -9,7 +9,8 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion import torque_terms
-from heli3dof.diagnosis.conclusion.torque_terms import Extended, with_torques
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
+from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Interval
 
@@ -19,7 +20,7 @@ TORQUE = ResidualTorque("roll", "yaw", 0.5, (), (), 100.0, 1.0)
 
 def extended(
     monkeypatch: pytest.MonkeyPatch, gains: dict[str, tuple[float, float, float]]
-) -> Extended:
+) -> AdoptionResult:
     """The result for a torque whose proposals have these gains: Δℓ, its lowest value, ΔRMSE's."""
     results = [
         SimpleNamespace(
@@ -36,7 +37,8 @@ def extended(
     monkeypatch.setattr(torque_terms, "gain", lambda *a, **k: results.pop(0))
     monkeypatch.setattr(torque_terms, "thrust_scale", lambda fit: None)
     monkeypatch.setattr(torque_terms, "in_SI", lambda fit, scale, name: {})
-    return with_torques(SETUP, cast(Any, None), cast(Any, None), [TORQUE], [])
+    start = AdoptionResult(cast(Any, None), (), (), cast(Any, None), (TORQUE,))
+    return with_torques(SETUP, start, [])
 
 
 @pytest.mark.parametrize(
@@ -50,7 +52,7 @@ def test_a_torque_that_predicts_better_enters_the_model(
     monkeypatch: pytest.MonkeyPatch, gain: tuple[float, float, float]
 ) -> None:
     result = extended(monkeypatch, {"formula": gain, "curve": gain})
-    assert [t.term.proposal.term for t in result.torques if t.term] == ["formula"]
+    assert [t.term.proposal.term for t in result.residual_torques if t.term] == ["formula"]
     assert not result.dropped
 
 
@@ -58,7 +60,7 @@ def test_a_torque_that_does_not_is_dropped_with_its_best_proposal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = extended(monkeypatch, {"formula": (21.6, -10.0, -0.1), "curve": (-38.0, -82.0, -0.1)})
-    assert result.torques == ()
+    assert result.residual_torques == ()
     assert [d.name for d in result.dropped] == ["formula"]
 
 
@@ -66,4 +68,4 @@ def test_a_torque_that_cannot_be_fitted_stays_without_a_term(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = extended(monkeypatch, {})
-    assert (result.torques, result.dropped) == ((TORQUE,), ())
+    assert (result.residual_torques, result.dropped) == ((TORQUE,), ())

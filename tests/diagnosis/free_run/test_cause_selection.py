@@ -24,7 +24,6 @@ from heli3dof.diagnosis.free_run.cause_selection import (
 )
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
-    LeaveOneOut,
     LossIncrease,
     TermResult,
 )
@@ -64,8 +63,8 @@ def elimination_of(
 ) -> Elimination:
     return Elimination(
         fit,
-        tuple(TermResult(t, LeaveOneOut(w)) for t, w in kept.items()),
-        tuple(TermResult(t, LeaveOneOut(w)) for t, w in gone.items()),
+        tuple(TermResult(t, w) for t, w in kept.items()),
+        tuple(TermResult(t, w) for t, w in gone.items()),
     )
 
 

@@ -15,7 +15,7 @@ from heli3dof.diagnosis.free_run.elimination import (
     without_elimination,
 )
 from heli3dof.diagnosis.free_run.refits import (
-    BLOCK_S,
+    FOLD_BLOCK_S,
     STAGE_S,
     WINDOW_S,
     FitWithFolds,
@@ -54,7 +54,7 @@ def test_training_and_test_windows_share_no_sample() -> None:
     assert len(train.starts)
     assert len(test.starts)
     assert not rows(train) & rows(test)
-    assert {int(f.t[k] // BLOCK_S) % 2 for k in test.starts} == {0}
+    assert {int(f.t[k] // FOLD_BLOCK_S) % 2 for k in test.starts} == {0}
 
 
 def test_a_term_is_kept_if_all_cells_agree_and_removed_if_they_disagree() -> None:
@@ -93,7 +93,7 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
     monkeypatch.setattr(
         module,
         "without_term",
-        lambda current, name, *, seed, instead=None: module.LeaveOneOut(intervals[name]),
+        lambda current, name, *, seed, instead=None: TermResult(name, intervals[name]),
     )
     result = module.eliminate(full)
     assert result.fit is full
@@ -113,11 +113,9 @@ def test_a_cause_is_confounded_with_what_replaces_it_without_loss(
     increase = module.LossIncrease(0.1, low, 0.3, 0.1, 0.9)
     monkeypatch.setattr(module, "score_tests", lambda fit: [])
     monkeypatch.setattr(module, "possible_replacements", lambda *_: ["motor.delay"])
-    monkeypatch.setattr(module, "without_term", lambda *_, **__: module.LeaveOneOut(increase))
+    monkeypatch.setattr(module, "without_term", lambda *_, **__: TermResult("", increase))
     result = module.Elimination(full, full, (), (), last=FitWithFolds(full, ()))
-    (found,) = with_confounded_terms(
-        result, [TermResult("motor.lag", module.LeaveOneOut(increase))], seed=0
-    )
+    (found,) = with_confounded_terms(result, [TermResult("motor.lag", increase)], seed=0)
     assert found.tied_with == tied
 
 

@@ -13,11 +13,11 @@ from heli3dof.diagnosis.free_run.unexplained import (
     arm_torque,
     compare_runs,
     creep,
-    equilibrium_deg,
+    measure_creep,
     pendulum_sentence,
     take_off,
 )
-from heli3dof.model.greybox.linearisation import hover_voltage
+from heli3dof.model.greybox.linearisation import equilibrium_deg, hover_voltage
 from tests.diagnosis.rig_a import quick, recording
 
 
@@ -58,7 +58,9 @@ def test_a_take_off_with_an_uncertain_model_is_not_reported() -> None:
 
 
 def test_creep_of_the_arm_under_constant_voltage_is_reported() -> None:
-    (note,) = creep(quick(), recording("open-roll-5V-1"))
+    run = measure_creep(quick(), recording("open-roll-5V-1"))
+    assert run is not None
+    (note,) = creep(run)
     assert note["early_deg"] == pytest.approx(-24.8, abs=0.2)
     assert note["late_deg"] == pytest.approx(-20.4, abs=0.2)
     assert note["thrust_late_over_early"] == pytest.approx(
@@ -71,11 +73,13 @@ def test_an_arm_at_the_predicted_angle_is_not_reported() -> None:
     run = recording("open-roll-5V-1")
     still = np.where(run.t[:, None] > 5, np.radians(equilibrium_deg(quick(), 5.0)), run.angle)
     still[run.t < 1] = np.radians(-40)  # the table, well below
-    assert not list(creep(quick(), replace(run, angle=still)))
+    measured = measure_creep(quick(), replace(run, angle=still))
+    assert measured is not None
+    assert not list(creep(measured))
 
 
 def test_a_closed_loop_flight_has_no_creep() -> None:
-    assert not list(creep(quick(), recording("closed-1a")))
+    assert measure_creep(quick(), recording("closed-1a")) is None
 
 
 def run_of(voltage: float, factor: float, as_if: float) -> CreepRun:

@@ -81,5 +81,5 @@ def test_a_rig_with_reversed_motors_is_not_stabilised() -> None:
             )
         }
     )
-    assert is_stable(world(), PROFILE)
-    assert not is_stable(world(), wrong)
+    assert is_stable(world())
+    assert not is_stable(replace(world(), profile=wrong))

@@ -10,7 +10,6 @@ import pytest
 
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.screening.grid_trials import with_term_added
 from heli3dof.diagnosis.selection import select
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice
@@ -42,7 +41,7 @@ def test_with_its_cause_a_fit_on_a_limit_cycle_has_the_rig_s_roll_inertia() -> N
     truth = float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)
     setup = Setup((flown("steps", 90.0, device=RIG, seed=2901),), seed=0, flights_per_round=12)
     base = fit_base(setup)
-    problem = with_term_added(base.problem, term("stiffness.pendulum.roll"))
+    problem = base.problem.with_term(term("stiffness.pendulum.roll"))
     noise = base.optimum.noise
     start = maximise_corrected(problem, np.append(base.theta, 0.0), noise, None)
     fit = bias_corrected(setup, problem, start)

@@ -11,8 +11,7 @@ import pytest
 
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.unmodelled import torque_formula
-from heli3dof.diagnosis.unmodelled.hat_functions import Hats, hats, sums_along
-from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run
+from heli3dof.diagnosis.unmodelled.residual_torque import Hats, hats, linearised_run, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (

@@ -15,7 +15,7 @@ from heli3dof.diagnosis.validation.cross_validation import (
     SETTLE_S,
     _estimate_without,
     _most_likely_noise,
-    _with_settling,
+    _restricted,
     on_blocks,
     on_holdout,
     row_by_row,
@@ -23,8 +23,12 @@ from heli3dof.diagnosis.validation.cross_validation import (
     training,
 )
 from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, gain_interval_positive
-from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor_deg, model_errors
-from heli3dof.diagnosis.validation.simulation_error import simulation_error
+from heli3dof.diagnosis.validation.prediction import model_errors
+from heli3dof.diagnosis.validation.simulation_error import (
+    covariance_floor_deg,
+    floor_deg,
+    simulation_error,
+)
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
@@ -111,7 +115,7 @@ def test_a_limit_cycle_while_the_filter_settles_does_not_change_a_block_s_noise(
 ) -> None:
     o = right.optimum
     rows = (12_000, 15_000)
-    near = _with_settling(right.problem.data, rows)
+    near = _restricted(right.problem.data, [rows], settle_s=SETTLE_S)
     start = int(near.blocks[0, 1])
     y = near.y.copy()
     y[start : start + 8 : 2, 0] = y[start, 0]
@@ -226,7 +230,7 @@ def test_with_backlash_a_filter_settles_as_if_run_from_the_start(
 
     whole = roll(d)
     for a in range(first + before, stop - 1000, 1000):  # a block of 2 s every 2 s
-        near = _with_settling(d, (a, a + 1000), BACKLASH_SETTLE_S)
+        near = _restricted(d, [(a, a + 1000)], settle_s=BACKLASH_SETTLE_S)
         assert int(near.blocks[0, 1]) == a - before
         apart = roll(near)[a : a + 1000].sum() - whole[a : a + 1000].sum()
         assert abs(apart) < 1.0
@@ -248,11 +252,11 @@ def test_prediction_errors_are_those_of_the_model_s_own_predictions(
     recording: Recording, base: Estimate
 ) -> None:
     model = model_of(base, [recording], "base")
-    _, e = model_errors(model, [recording], (1.0,))
+    _, e = model_errors(model, [recording])
     whole = np.degrees(recording.angle - model.predict(recording, 1.0))
     run = max(usable_runs(recording, 0), key=lambda r: r.stop - r.start)
     rmse = np.sqrt((whole[run.start + 750 : run.stop] ** 2).mean(axis=0))
-    assert e.rmse_deg()[0] == pytest.approx(rmse, rel=0.05)
+    assert e.rmse_deg()[e.horizons_s.index(1.0)] == pytest.approx(rmse, rel=0.05)
 
 
 def test_a_prediction_that_diverges_errs_by_five_turns(recording: Recording) -> None:
@@ -260,10 +264,11 @@ def test_a_prediction_that_diverges_errs_by_five_turns(recording: Recording) -> 
     names = ("friction.viscous.roll",)
     model = nominal(recording.profile, names)
     model = replace(model, values=np.append(model.values[:-1], -50.0))
-    _, e = model_errors(model, [recording], (0.1, 3.0))
-    ends = np.isfinite(e.errors[:, 1, 0])
+    _, e = model_errors(model, [recording])
+    roll = e.errors[:, e.horizons_s.index(3.0), 0]
+    ends = np.isfinite(roll)
     assert ends.sum() > 0.9 * len(ends)
-    assert np.abs(e.errors[ends, 1, 0]) == pytest.approx(np.radians(1800.0))
+    assert np.abs(roll[ends]) == pytest.approx(np.radians(1800.0))
 
 
 def test_the_right_model_reaches_the_noise_floor_and_the_nominal_one_does_not(
@@ -297,7 +302,7 @@ def test_a_model_that_cannot_be_simulated_gets_its_noise_floor_from_the_covarian
 ) -> None:
     model = model_of(right, [recording], "right")
     monkeypatch.setattr(
-        "heli3dof.diagnosis.validation.prediction.simulated_flight",
+        "heli3dof.diagnosis.validation.simulation_error.simulated_flight",
         lambda model, r, rng: r.between(0.0, 0.2),
     )
     floor, how = floor_deg(model, [recording])

@@ -121,7 +121,7 @@ def test_every_torque_effect_has_a_variable() -> None:
 def test_the_section_has_tables_and_figures_and_is_reproducible(
     recording: Recording, base: Estimate, with_friction: Estimate, seen: TorqueCurve
 ) -> None:
-    before, after = on_blocks(base, 2), on_blocks(with_friction, 2)
+    before, after = on_blocks(base), on_blocks(with_friction)
     g = gain(before, after)
     model = model_of(with_friction, [recording], "extended")
     rest = ResidualTorque(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.validation.coloured_noise import coloured_variance
-from heli3dof.diagnosis.validation.simulation_error import simulation_error
+from heli3dof.diagnosis.validation.simulation_error import coloured_variance, simulation_error
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from tests.flown import flown
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
+from heli3dof.diagnosis.validation.prediction import rows_of_recordings, with_own_values
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms

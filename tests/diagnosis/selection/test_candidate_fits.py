@@ -10,13 +10,8 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.screening import grid_trials
-from heli3dof.diagnosis.screening.grid_trials import (
-    fit_start,
-    terms_without_score,
-    trials,
-    with_term_added,
-)
+from heli3dof.diagnosis.screening.catalogue import terms_without_score
+from heli3dof.diagnosis.selection.candidate_fits import fit_start, trials
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
@@ -55,7 +50,7 @@ def test_no_backlash_is_a_candidate_if_there_is_none(hide: str) -> None:
     assert candidates(base(hide, 1151)) == []
 
 
-def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_grid_is_climbed_while_the_likelihood_rises() -> None:
     """A backlash of 1° behind an encoder step of 0.18° gains little at a small width."""
     gains = {0.05: 31, 0.09: 49, 0.16: 82, 0.28: 145, 0.5: 178, 0.9: 191, 1.6: 175, 2.8: -73}
     tried: list[float] = []
@@ -67,7 +62,7 @@ def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.Monk
 
     structure = SimpleNamespace(free=[SimpleNamespace(scaled=lambda w: w)])
     problem = cast(Any, SimpleNamespace(run=run, structure=structure))
-    monkeypatch.setattr(grid_trials, "with_term_added", lambda problem, term: problem)
+    problem.with_term = lambda term: problem
     (trial,) = trials(problem, np.zeros(0), np.zeros(4), terms_without_score((), ("yaw",)))
     assert (trial.value, trial.gain) == (0.9, 191)
     assert tried == [0.0, 0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6]  # the base first
@@ -77,7 +72,7 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     fitted = base("encoder.backlash.pitch:0.4", 1150)
     o = fitted.optimum
     term = terms_without_score((), ("pitch",))[0]
-    ext = with_term_added(fitted.problem, term)
+    ext = fitted.problem.with_term(term)
     start, noise = fit_start(ext, o.theta, o.noise, term)
     assert noise[1] < 0.3 * o.noise[1]  # the base attributed the backlash to random torques
     fit = maximise_corrected(ext, start, noise, None)
