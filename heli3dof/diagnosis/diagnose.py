@@ -5,7 +5,7 @@ The gain of a cause is the decrease of the prediction error if the model contain
 1. Integrity checks: a faulty recording is not diagnosed.
 2. Base fit: the trim torque T_g and the inertias of the rigid body (or of the paper's hover model)
    are estimated and bias-corrected (`bias_correction.correction`).
-3. Forward selection (`selection.select`): a score test against simulated nulls, then full fits of
+3. Forward selection (`search.select`): a score test against simulated nulls, then full fits of
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
@@ -26,8 +26,10 @@ from heli3dof.diagnosis.conclusion.confounded_parameters import (
     last_step_with_causes,
     with_confounded_causes,
 )
-from heli3dof.diagnosis.conclusion.doubtful_findings import marked_if_doubtful
-from heli3dof.diagnosis.conclusion.segments import with_segment_ties
+from heli3dof.diagnosis.conclusion.doubtful_findings import (
+    marked_if_doubtful,
+    with_segment_ties,
+)
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
 from heli3dof.diagnosis.conclusion.verdict import conclude
@@ -39,7 +41,7 @@ from heli3dof.diagnosis.free_run.diagnose_free_run import (
     no_likelihood,
 )
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.selection.steps import (
+from heli3dof.diagnosis.search.steps import (
     Step,
     base_with_forms,
     fit_with_cause,
@@ -181,7 +183,7 @@ def forward_selection(
 ) -> tuple[list[Step], CorrectedFit]:
     """Return (steps of forward selection, final fit); the last step may have found no effect."""
     fit, steps = base, list[Step]()
-    # An inertia off nominal counts as an earlier cause (rule 4 of `selection.select`).
+    # An inertia off nominal counts as an earlier cause (rule 4 of `search.select`).
     inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
     score, remaining = max(inertias, default=None), MAX_CAUSES
     while remaining:

@@ -11,7 +11,7 @@ from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut

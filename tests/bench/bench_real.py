@@ -14,7 +14,7 @@ from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
 from heli3dof.diagnosis.free_run.refits import STAGE_S, carried_over, restructured
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
     free_rows,

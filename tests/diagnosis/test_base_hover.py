@@ -11,7 +11,7 @@ from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.screening.catalogue import candidates
+from heli3dof.diagnosis.search.catalogue import candidates
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan

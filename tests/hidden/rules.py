@@ -24,8 +24,8 @@ from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses a rule
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.diagnosis.selection.steps import Step
+from heli3dof.diagnosis.search.select import Choice
+from heli3dof.diagnosis.search.steps import Step
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.recording.recording import Recording
@@ -70,17 +70,17 @@ RULES = (
     Rule("edge rates weigh in a limit cycle", FIT + "edge_rates:fit_with_edge_rates", _argument(1)),
     Rule(
         "effects without a slope are tried",
-        DIAGNOSIS + "selection.candidate_fits:trials",
+        DIAGNOSIS + "search.candidate_fits:trials",
         _always([]),
     ),
     Rule(
         "a weak further cause is refused",
-        DIAGNOSIS + "selection.select:best_choice",
+        DIAGNOSIS + "search.select:best_choice",
         lambda rule, s, fits, first: rule(s, fits, None),
     ),
     Rule(
         "rivals are compared by their flights",
-        DIAGNOSIS + "selection.rivals:compared_by_simulation",
+        DIAGNOSIS + "search.rivals:compared_by_simulation",
         _argument(0),
     ),
     Rule(
@@ -128,7 +128,7 @@ RULES = (
     ),
     Rule(
         "pieces of the flight must agree",
-        DIAGNOSIS + "conclusion.segments:with_segment_ties",
+        DIAGNOSIS + "conclusion.doubtful_findings:with_segment_ties",
         _argument(0),
     ),
     Rule(
@@ -178,7 +178,7 @@ RULES = (
     ),
     Rule(
         "rivals that remain significant are confounded",
-        DIAGNOSIS + "selection.steps:with_rivals_that_remain",
+        DIAGNOSIS + "search.steps:with_rivals_that_remain",
         lambda rule, steps: list(steps),
     ),
     Rule(
@@ -213,7 +213,7 @@ RULES = (
     ),
     Rule(
         "scores differ by an effect's inexact formula and drift",
-        DIAGNOSIS + "selection.select:tie_margin",
+        DIAGNOSIS + "search.select:tie_margin",
         _always(6.0),
     ),
     Rule(

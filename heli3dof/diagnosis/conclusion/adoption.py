@@ -5,7 +5,7 @@ the cause is the log-likelihood of held-out data in the model with it, minus tha
 without it (`validation.gain`). A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
-2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score (a BIC, `selection.select`) is
+2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score (a BIC, `search.select`) is
    at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
@@ -18,7 +18,7 @@ Even if a condition holds, a cause is dropped for any of these reasons:
 
 - It significantly increases the prediction error of an axis and decreases that of none, each by
   more than the encoder's rounding.
-- Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`screening.nulls`). Z is
+- Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`search.nulls`). Z is
   the cause's standardised score in the score test. ρ is the factor by which coloured noise
   increases the variance of this score (`bias_correction.coloured_noise`).
 - An encoder error of at most one count explains the data equally well (`within_a_count`).
@@ -61,8 +61,8 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
 )
-from heli3dof.diagnosis.selection.select import Choice, certainty
-from heli3dof.diagnosis.selection.steps import without
+from heli3dof.diagnosis.search.select import Choice, certainty
+from heli3dof.diagnosis.search.steps import without
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, gain_interval_positive

@@ -13,7 +13,7 @@ filter updates), ℓ_φ that with the formula. With K formulas and the fit's var
 The second summand is BIC for the causes' further parameters, the third the prior odds against one
 formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the controller is
 known, flights are also simulated, with the causes and with the formula. The flights with the
-formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If the
+formula must agree better with the recording (Cox's test, W > `TIE` in `search.rivals`). If the
 controller is unknown, a formula in place of a single cause must improve held-out predictions: on
 its axis, their error must decrease by more than the encoder's rounding
 (`conclusion.unknown_controller`).
@@ -40,9 +40,9 @@ from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding, is_biased
 from heli3dof.diagnosis.constants import SIGMAS_95, TIE
 from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
-from heli3dof.diagnosis.selection.candidate_fits import bic_penalty, with_term_at
-from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
-from heli3dof.diagnosis.selection.steps import bias_corrected, without
+from heli3dof.diagnosis.search.candidate_fits import bic_penalty, with_term_at
+from heli3dof.diagnosis.search.rivals import ROUNDS, likelihoods, odds
+from heli3dof.diagnosis.search.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import (
     PRODUCTS,
@@ -244,7 +244,7 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
     """Return whether simulated flights favour the formula over the causes, which ``fit`` contains.
 
     Flights are simulated with the formula and with the causes. Those with the formula must agree
-    better with the recordings (Cox's test, `selection.rivals`). True if simulation is impossible.
+    better with the recordings (Cox's test, `search.rivals`). True if simulation is impossible.
     """
     if not fit.is_corrected:
         return True

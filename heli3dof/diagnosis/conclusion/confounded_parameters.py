@@ -5,7 +5,7 @@ hover voltage only determines the ratio of thrust slope and inertia, so a curved
 another inertia.
 
 A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
-inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). θ_edge is the limit that the
+inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). θ_edge is the limit that the
 profile's tolerance sets for θ_j. If effect i alone explains why θ_j exceeds θ_edge, its size α (in
 units of the probe) and its statistic Z are at least
 
@@ -27,7 +27,7 @@ the torque in the inertia J_j; a full fit with the torque returns J_j to nominal
 significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `SIGMAS_95`² are fitted in
 full, at most `MAX_ALTERNATIVES`. A term is confounded with the inertias off nominal if both hold:
 
-- Its BIC score (`selection.candidate_fits`) exceeds −`TIE`.
+- Its BIC score (`search.candidate_fits`) exceeds −`TIE`.
 - Its fit puts all these inertias within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal)
   ≤ ln(1 + ε).
 
@@ -74,10 +74,10 @@ from heli3dof.diagnosis.base_parameters import (
 )
 from heli3dof.diagnosis.constants import LARGE, SIGMAS_95, SIGMAS_99, TIE
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.screening.screening import Screening, one_sided
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
-from heli3dof.diagnosis.selection.select import with_ties
-from heli3dof.diagnosis.selection.steps import Step
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit, fit_candidates
+from heli3dof.diagnosis.search.screening import Screening, one_sided
+from heli3dof.diagnosis.search.select import with_ties
+from heli3dof.diagnosis.search.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale

@@ -20,8 +20,8 @@ from heli3dof.diagnosis.conclusion.adoption import (
     log_likelihood_gain,
 )
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.selection.candidate_fits import with_term_at
-from heli3dof.diagnosis.selection.steps import bias_corrected
+from heli3dof.diagnosis.search.candidate_fits import with_term_at
+from heli3dof.diagnosis.search.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out

@@ -1,7 +1,7 @@
 """Confirm causes by predictions if the controller is unknown.
 
 The controller feeds the encoders' rounding back, which biases the likelihood. Flights simulated
-with the controller show this bias (`screening.nulls`). Without the controller, a cause also needs
+with the controller show this bias (`search.nulls`). Without the controller, a cause also needs
 
     ΔRMSE_i > Δ_i/√12,   and its interval above zero, on at least one axis i
 

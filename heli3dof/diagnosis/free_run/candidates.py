@@ -3,8 +3,8 @@
 r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
 (`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with dim scaled parameters z.
 H = D Dᵀ + Λ includes the prior's precision Λ. A probe is an effect of a trial size
-(`screening.catalogue`); it changes r by d (R,), which one simulation gives. Z² = u²/v is the
-decrease of Q with the effect. `screening.score_test` gives u and v: its δc is d, T is D, A is H, W
+(`search.catalogue`); it changes r by d (R,), which one simulation gives. Z² = u²/v is the
+decrease of Q with the effect. `search.score_test` gives u and v: its δc is d, T is D, A is H, W
 is 1 and g is −r.
 
 Let w (R,) be the change of r if a cause c of the fit is removed, and d̃ (R,) that by a probe; both
@@ -28,9 +28,9 @@ from heli3dof.diagnosis.free_run.refits import (
     refit,
     restructured,
 )
-from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
-from heli3dof.diagnosis.screening.nulls import bonferroni
-from heli3dof.diagnosis.screening.screening import one_sided
+from heli3dof.diagnosis.search.catalogue import Probe, candidates, probes
+from heli3dof.diagnosis.search.nulls import bonferroni
+from heli3dof.diagnosis.search.screening import one_sided
 from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.greybox.multistep import (
     MultiStep,

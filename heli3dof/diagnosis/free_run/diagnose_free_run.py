@@ -55,7 +55,7 @@ from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.residual_torques import residual_torques
 from heli3dof.diagnosis.free_run.unexplained import explanation_sentences, unexplained_effects
 from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
 from heli3dof.diagnosis.validation.gain import Gain
 from heli3dof.diagnosis.validation.prediction import HORIZONS_S

@@ -1,7 +1,7 @@
 """Recommend the plan that separates the confounded causes in the shortest time.
 
 For each cause i, every plan is simulated in closed loop on the base model with this cause at its
-estimated size, with noise and encoders. The score test (`screening.score_test`) gives the score of
+estimated size, with noise and encoders. The score test (`search.score_test`) gives the score of
 each cause j. z_j is this score minus that on a flight simulated without these causes:
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i
@@ -35,9 +35,9 @@ from heli3dof.diagnosis.result import (
     PlanForecast,
     percent,
 )
-from heli3dof.diagnosis.screening.catalogue import Probe, probes
-from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, with_term_at
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit, with_term_at
+from heli3dof.diagnosis.search.catalogue import Probe, probes
+from heli3dof.diagnosis.search.score_test import Screen
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.bias_correction.correction import model_at

@@ -14,7 +14,7 @@ the prior, so the mean score is the filter's bias ḡ (`bias_correction.correcti
 cannot be simulated, the scores are computed for half-second blocks of the recorded flight.
 
 **Similarity.** cos is the correlation of the changes of the readings by a torque and by a probe of
-a named cause, with θ projected out (`screening.score_test`). If |cos| exceeds `LIKE`, the torque is
+a named cause, with θ projected out (`search.score_test`). If |cos| exceeds `LIKE`, the torque is
 reported as "…-like".
 """
 
@@ -28,8 +28,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
-from heli3dof.diagnosis.screening.catalogue import candidates, probes
-from heli3dof.diagnosis.screening.score_test import Screen
+from heli3dof.diagnosis.search.catalogue import candidates, probes
+from heli3dof.diagnosis.search.score_test import Screen
 from heli3dof.diagnosis.unmodelled.residual_torque import (
     Hats,
     LinearisedRun,

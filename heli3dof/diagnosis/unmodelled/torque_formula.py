@@ -1,7 +1,7 @@
 """A formula for an unmodelled torque: the product of measured quantities that explains most.
 
 On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
-a fit. With the efficient score u of c and its information v (`screening.score_test`),
+a fit. With the efficient score u of c and its information v (`search.score_test`),
 
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
@@ -32,7 +32,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
+from heli3dof.diagnosis.search.candidate_fits import bic_penalty
 from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hats, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,

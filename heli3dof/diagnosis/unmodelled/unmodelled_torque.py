@@ -39,7 +39,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
-from heli3dof.diagnosis.screening.nulls import gumbel, gumbel_factor
+from heli3dof.diagnosis.search.nulls import gumbel, gumbel_factor
 from heli3dof.diagnosis.unmodelled.residual_torque import Hats, HatScores, LinearisedRun, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     LIKE,

@@ -21,8 +21,8 @@ from heli3dof.diagnosis.conclusion.adoption import (
 )
 from heli3dof.diagnosis.constants import SUFFICIENT
 from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.model.effects import terms
 from heli3dof.rig.profile import default_profile

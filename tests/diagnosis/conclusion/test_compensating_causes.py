@@ -27,7 +27,7 @@ from heli3dof.diagnosis.conclusion.compensating_causes import (
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.diagnosis.search.steps import screening_step
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, TorqueLocation
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit

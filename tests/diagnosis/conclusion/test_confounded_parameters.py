@@ -23,8 +23,8 @@ from heli3dof.diagnosis.conclusion.confounded_parameters import (
     with_thrust_gain_ties,
 )
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.diagnosis.selection.steps import Step, screening_step
+from heli3dof.diagnosis.search.select import Choice
+from heli3dof.diagnosis.search.steps import Step, screening_step
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base

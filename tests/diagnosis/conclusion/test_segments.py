@@ -7,15 +7,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import segments as module
-from heli3dof.diagnosis.conclusion.segments import (
+from heli3dof.diagnosis.conclusion import doubtful_findings as module
+from heli3dof.diagnosis.conclusion.doubtful_findings import (
     log_likelihood_cells,
     ranking_probability,
     ranking_std,
     tied_by_segments,
 )
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term, terms

@@ -21,7 +21,7 @@ from heli3dof.diagnosis.result import (
     UnexplainedError,
     in_order,
 )
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
 from heli3dof.identification.profile_update import Measured, ratios
 from heli3dof.integrity import Fault, Kind

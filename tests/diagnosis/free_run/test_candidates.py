@@ -10,7 +10,7 @@ from heli3dof.diagnosis.free_run.candidates import (
     with_further_effects,
 )
 from heli3dof.diagnosis.free_run.refits import STAGE_S, refit
-from heli3dof.diagnosis.screening.nulls import bonferroni
+from heli3dof.diagnosis.search.nulls import bonferroni
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start

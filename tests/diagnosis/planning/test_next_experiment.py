@@ -14,9 +14,9 @@ import pytest
 from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
 from heli3dof.diagnosis.result import Diagnosis, Dropped, NextExperiment, PlanForecast
-from heli3dof.diagnosis.screening.catalogue import Probe
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.catalogue import Probe
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.selection.steps import fit_with_cause, screening_step
+from heli3dof.diagnosis.search.steps import fit_with_cause, screening_step
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction import correction

@@ -14,7 +14,7 @@ The parts with A⁻¹ project out the base parameters, so no refit of the base i
 over readings with weights q is computed by its adjoint L: Σ q δc = Σ L·δa, where δa is the probe's
 change of the acceleration (`bias_correction.perturbation`).
 
-The likelihood is approximate, so z is biased; `screening.nulls` standardises it.
+The likelihood is approximate, so z is biased; `search.nulls` standardises it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
-from heli3dof.diagnosis.screening.catalogue import Probe
-from heli3dof.diagnosis.screening.scans import Scan
+from heli3dof.diagnosis.search.catalogue import Probe
+from heli3dof.diagnosis.search.scans import Scan
 from heli3dof.identification.bias_correction.evaluation import Evaluation
 from heli3dof.identification.bias_correction.perturbation import (
     MOVES_THRUST,

@@ -12,11 +12,11 @@ import pytest
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.screening.catalogue import candidates
-from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import best_choice
-from heli3dof.diagnosis.selection.steps import is_significant_form
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.catalogue import candidates
+from heli3dof.diagnosis.search.nulls import Nulls
+from heli3dof.diagnosis.search.select import best_choice
+from heli3dof.diagnosis.search.steps import is_significant_form
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight

@@ -7,8 +7,8 @@ import doctest
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.screening import nulls as module
-from heli3dof.diagnosis.screening.nulls import nulls_from_scores
+from heli3dof.diagnosis.search import nulls as module
+from heli3dof.diagnosis.search.nulls import nulls_from_scores
 
 PROBES = 45
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.screening.catalogue import terms_without_score
-from heli3dof.diagnosis.selection.candidate_fits import fit_start, trials
+from heli3dof.diagnosis.search.candidate_fits import fit_start, trials
+from heli3dof.diagnosis.search.catalogue import terms_without_score
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate

@@ -1,7 +1,7 @@
 """Perform the steps of a diagnosis: screen, choose a cause, extend the model.
 
 1. `screening_step` runs the score test on the recordings and their nulls.
-2. `Step.chosen` chooses the next cause by full fits (`selection.select`).
+2. `Step.chosen` chooses the next cause by full fits (`search.select`).
 3. `fit_with_cause` returns the bias-corrected fit with that cause.
 """
 
@@ -13,24 +13,24 @@ from functools import lru_cache
 
 import numpy as np
 
-from heli3dof.diagnosis.screening.catalogue import (
-    candidates,
-    probes,
-    scans,
-    terms_without_score,
-)
-from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
-from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.diagnosis.selection.candidate_fits import (
+from heli3dof.diagnosis.search.candidate_fits import (
     CandidateFit,
     GridTrial,
     correction_starts,
     exceeds_nulls,
     trials,
 )
-from heli3dof.diagnosis.selection.rivals import compared_by_simulation
-from heli3dof.diagnosis.selection.select import Choice, best_choice, choose, with_ties
+from heli3dof.diagnosis.search.catalogue import (
+    candidates,
+    probes,
+    scans,
+    terms_without_score,
+)
+from heli3dof.diagnosis.search.nulls import formula_nulls, simulated_nulls
+from heli3dof.diagnosis.search.rivals import compared_by_simulation
+from heli3dof.diagnosis.search.score_test import Screen
+from heli3dof.diagnosis.search.screening import Screening
+from heli3dof.diagnosis.search.select import Choice, best_choice, choose, with_ties
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -76,7 +76,7 @@ class Step(Screening):
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
         """Return this step with the next cause chosen, or None as its ``choice``.
 
-        ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
+        ``earlier_score``: largest score of the earlier causes (`search.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
         tried = self.significant_trials(setup, terms_without_score(present, setup.explained_axes))

@@ -10,10 +10,10 @@ import pytest
 
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.selection import select
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.diagnosis.selection.steps import Step, bias_corrected, with_rivals_that_remain
+from heli3dof.diagnosis.search import select
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.select import Choice
+from heli3dof.diagnosis.search.steps import Step, bias_corrected, with_rivals_that_remain
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected

@@ -1,10 +1,10 @@
 """List the candidate terms of a base simulation, and the probes and scans of each term.
 
 A *term* is an effect on one of its axes, or an effect without axes. A *probe* is a term with values
-of its parameters, at which the score test (`screening.score_test`) evaluates it. One small value is
+of its parameters, at which the score test (`search.score_test`) evaluates it. One small value is
 enough for an effect that is proportional to its parameter (friction, stiffness, torque). An effect
 whose shape depends on its parameters (lag, limit, dead zone) has several probes. A frequency or an
-instant is scanned instead (`screening.scans`).
+instant is scanned instead (`search.scans`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.screening.scans import Frequencies, Instants, Scan
+from heli3dof.diagnosis.search.scans import Frequencies, Instants, Scan
 from heli3dof.model.effects import Term, effects
 from heli3dof.model.effects.base import SMALL, Effect
 

@@ -39,8 +39,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.constants import DRIFT, FALSE_ALARMS
-from heli3dof.diagnosis.screening.catalogue import candidates
-from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.diagnosis.search.catalogue import candidates
+from heli3dof.diagnosis.search.score_test import Screen, ScreenResult
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     model_at,

@@ -5,12 +5,12 @@ the nulls' variance inflation κ and N filter updates, the score of a term with 
 
     score = 2 Δℓ_c/κ − m ln N          m = 0 for a part of the rigid body's equations
 
-A screened term starts at its probe with the largest Z² (`screening.screening`). If the fit is worse
+A screened term starts at its probe with the largest Z² (`search.screening`). If the fit is worse
 than the current one, it is repeated from a size near zero. A term that the score test cannot
 detect starts from its grid.
 
 A periodic torque may have another phase in each of R recordings. So the recordings are shifted in
-time until the torque has one phase in all (`screening.scans`). The R − 1 shifts count as
+time until the torque has one phase in all (`search.scans`). The R − 1 shifts count as
 parameters. Nothing is shifted if the current fit already contains a parameter that differs by
 recording: the phase of a periodic torque or the instant of a mass change.
 
@@ -36,8 +36,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.screening.score_test import ScreenResult
-from heli3dof.diagnosis.screening.screening import Screening
+from heli3dof.diagnosis.search.score_test import ScreenResult
+from heli3dof.diagnosis.search.screening import Screening
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, Start
 from heli3dof.identification.greybox.likelihood import Likelihood

@@ -2,7 +2,7 @@
 
 Time is divided into C short chunks. L (C, 3) is the derivative of the log-likelihood with respect
 to the acceleration of each axis in each chunk. The base parameters are projected out
-(`screening.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a
+(`search.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a
 sum over the axes, is the efficient score of a unit torque at time t.
 
     u(f) = Σ λ(t) exp(i 2π f t)      score; real part: cosine torque, imaginary part: sine torque

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
-from heli3dof.diagnosis.screening.score_test import Screen, with_term
+from heli3dof.diagnosis.search.catalogue import candidates, probes, scans
+from heli3dof.diagnosis.search.score_test import Screen, with_term
 from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
 from heli3dof.identification.bias_correction.perturbation import backward, forcing, forward
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood

@@ -1,7 +1,7 @@
 """Screen a fit: standardised scores Z of all candidates, and the effects that can be detected.
 
-Z = (z − mean z_null) / std z_null, with the scores z of `screening.score_test` and the nulls of
-`screening.nulls`.
+Z = (z − mean z_null) / std z_null, with the scores z of `search.score_test` and the nulls of
+`search.nulls`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.diagnosis.constants import LARGE, SIGMAS_99
-from heli3dof.diagnosis.screening.catalogue import Probe
-from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.diagnosis.search.catalogue import Probe
+from heli3dof.diagnosis.search.nulls import Nulls
+from heli3dof.diagnosis.search.score_test import Screen, ScreenResult
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.model.effects import Term
 

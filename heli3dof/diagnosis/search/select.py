@@ -1,6 +1,6 @@
 """Choose the next cause of a step from the score test and the full fits, or none.
 
-Z² of the score test shows whether any effect is present; full fits (`selection.candidate_fits`)
+Z² of the score test shows whether any effect is present; full fits (`search.candidate_fits`)
 show which one, by their score: BIC for the bias-corrected log-likelihood. The current fit, without
 a further cause, has the score 0.
 
@@ -35,12 +35,12 @@ import numpy as np
 
 from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.constants import DRIFT, SUFFICIENT, TIE
-from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.diagnosis.selection.candidate_fits import (
+from heli3dof.diagnosis.search.candidate_fits import (
     CandidateFit,
     GridTrial,
     fit_candidates,
 )
+from heli3dof.diagnosis.search.screening import Screening
 from heli3dof.model.effects import Term
 
 MAX_FITS = 10
@@ -65,7 +65,7 @@ class Choice:
     threshold: float = 0.0
     """Threshold of Z², from the nulls"""
     by_flights: bool = False
-    """True if simulated flights of rivals (`selection.rivals`), not scores, decided the choice"""
+    """True if simulated flights of rivals (`search.rivals`), not scores, decided the choice"""
 
 
 Cause = TypeVar("Cause", Choice, OffNominal)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from heli3dof.diagnosis.selection import rivals as module
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.rivals import compared_by_simulation, least_odds, odds, rivals
-from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.diagnosis.search import rivals as module
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.rivals import compared_by_simulation, least_odds, odds, rivals
+from heli3dof.diagnosis.search.select import Choice
+from heli3dof.diagnosis.search.steps import screening_step
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base

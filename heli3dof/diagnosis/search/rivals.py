@@ -13,7 +13,7 @@ z̄ is the mean of a rival's score-test statistic z over the nulls, κ their var
 this bias is large for a rival (|z̄|/√κ > `SIGMAS_99`), the rival k with the largest min_j W_kj is
 the cause. Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most the
 `certainty` against the other rivals. If no bias is large, the BIC
-scores decide (`selection.select`), and nothing is simulated.
+scores decide (`search.select`), and nothing is simulated.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_99, TIE
-from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.selection.candidate_fits import (
+from heli3dof.diagnosis.search.candidate_fits import (
     CandidateFit,
     bic_penalty,
     correction_starts,
 )
-from heli3dof.diagnosis.selection.select import Choice, certainty
+from heli3dof.diagnosis.search.nulls import Nulls
+from heli3dof.diagnosis.search.select import Choice, certainty
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     correct,

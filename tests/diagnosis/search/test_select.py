@@ -11,10 +11,10 @@ import pytest
 
 from heli3dof.diagnosis.conclusion.adoption import with_positive_torque
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.selection import select
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import Choice, certainty
-from heli3dof.diagnosis.selection.steps import (
+from heli3dof.diagnosis.search import select
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit
+from heli3dof.diagnosis.search.select import Choice, certainty
+from heli3dof.diagnosis.search.steps import (
     Step,
     fit_with_cause,
     screening_step,

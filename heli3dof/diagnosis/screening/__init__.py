@@ -1,1 +1,0 @@
-"""Score test of every candidate effect, calibrated by simulated flights without the effect."""

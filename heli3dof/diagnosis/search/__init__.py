@@ -1,0 +1,1 @@
+"""Search for causes: score tests against simulated nulls, and full fits that are compared."""

@@ -1,1 +1,0 @@
-"""Forward selection and backward elimination of causes by full fits."""
