@@ -56,7 +56,7 @@ class Importer:
             return self.recognises(path)
         except OSError:
             return False
-        except Exception as error:  # other importers may read the file
+        except (Exception, SystemExit) as error:  # other importers may read the file
             logging.getLogger("heli3dof").warning(
                 "Warning: the importer %s cannot examine %s: %s: %s. It is left out.",
                 self.name, path, type(error).__name__, error,
