@@ -14,7 +14,7 @@ from pathlib import Path
 from heli3dof.errors import RecordingError, no_file, quoted
 from heli3dof.model.effects import Effect, Parameter, all_names, effects, plug_ins
 from heli3dof.model.effects.equation_check import ADDED, adds_nothing, equation_mistakes
-from heli3dof.model.parameter_units import NAMED, UNITS, named_unit
+from heli3dof.model.parameter_units import NAMED, SUPERSCRIPTS, UNITS, named_unit
 from heli3dof.model.physics.compiled_effects import HookError, address
 
 KNOWN_UNITS = {u.replace("deg", "°") for u in UNITS}
@@ -78,7 +78,7 @@ def unit_problems(p: Parameter) -> Iterator[str]:
     >>> list(unit_problems(Parameter("torque_Nm", "N·m·s", 0.0, -1.0, 1.0, 0.1, "")))
     ["torque_Nm: the name says Nm, the unit 'N·m·s' says Nms."]
     """
-    factors = re.split(r"[·/()]", re.sub("[²³⁴]", "", p.unit))
+    factors = re.split(r"[·/()]", re.sub(f"[{SUPERSCRIPTS}]+", "", p.unit))
     if unknown := [f for f in factors if f and f not in KNOWN_UNITS | {"1", "–"}]:
         yield (
             f"{p.name}: the unit {p.unit!r} contains {unknown[0]!r}. Units are products of "
