@@ -45,6 +45,10 @@ def root(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[1] += par[1] * s[3] ** 0.5
 
 
+def far_yaw(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += par[1] * (6.0 - s[3]) ** 0.5
+
+
 def at_rest(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[1] += par[1] * s[4] / abs(s[4])
 
@@ -90,6 +94,7 @@ def test_every_effect_of_heli3dof_is_in_order(name: str) -> None:
         (nothing, "adds nothing at typical parameters"),
         (infinite, "not finite"),
         (root, "not finite"),
+        (far_yaw, "not finite"),
         (at_rest, "not finite"),
         (replaced, "replaces out"),
         (outside, "index 3 is outside"),

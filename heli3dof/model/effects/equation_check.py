@@ -1,4 +1,4 @@
-"""Run an effect's equations at random states of the default rig, and return their mistakes.
+"""Run an effect's equations at states within the default rig's limits, and return their mistakes.
 
 The equations run in Python, on arrays that detect a wrong index. In compiled code, such an index
 reads or changes other memory.
@@ -21,7 +21,7 @@ from heli3dof.model.physics.state_layout import (
     K_F,
     MEMORY,
     PARAMETERS,
-    PSI_DOT,
+    R_DOT,
     SPEED_BACK,
     SPEED_FRONT,
     V_BACK,
@@ -35,9 +35,8 @@ from heli3dof.rig.profile import default_profile
 
 STATES = 20
 """Number of states at which an equation runs: the rig at rest, and random ones"""
-ANGLE_STD, RATE_STD = 1.0, 1.0
-"""rad and rad/s: standard deviations of the random states, so that each angle and rate has both
-signs, and a yaw of more than a quarter of a revolution occurs"""
+LAST_S = 60.0
+"""s, latest time of a state: the length of a usual flight (a convention)"""
 ADDED = (Stage.TORQUE, Stage.DRY)
 """Stages whose equations add to ``out``"""
 PER_AXIS = (*ADDED, Stage.MEASURE)
@@ -51,17 +50,22 @@ CHANGED = {
 
 
 def states() -> Iterator[np.ndarray]:
-    """Yield `STATES` states (SIZE,) of the default rig, read-only; the first is at rest."""
+    """Yield `STATES` states (SIZE,) of the default rig, read-only: at rest, then within limits."""
     rng = np.random.default_rng(0)
     profile = default_profile()
+    limits, v_max = profile.limits, profile.motor.v_max
+    high = np.radians([limits.roll_max_deg, limits.pitch_max_deg, limits.yaw_max_deg])
+    low = -high
+    low[0] = np.radians(limits.roll_min_deg)
+    rate = np.radians([getattr(limits, f"{axis}_rate_max_deg_per_s") for axis in AXES])
     for i in range(STATES):
         s = context(profile)
         volts = np.full(2, profile.motor.V_o)
         if i > 0:
-            s[T] = rng.uniform(0, 60)
-            s[R : R + 3] = rng.normal(0, ANGLE_STD, 3)
-            s[R + 3 : PSI_DOT + 1] = rng.normal(0, RATE_STD, 3)
-            volts = rng.uniform(1, 12, 2)
+            s[T] = rng.uniform(0, LAST_S)
+            s[R : R + 3] = rng.uniform(low, high)
+            s[R_DOT : R_DOT + 3] = rng.uniform(-rate, rate)
+            volts = rng.uniform(-v_max, v_max, 2)
         s[V_FRONT : V_BACK + 1] = s[SPEED_FRONT : SPEED_BACK + 1] = volts
         s[F_FRONT : F_BACK + 1] = s[K_F] * volts
         s.flags.writeable = False
