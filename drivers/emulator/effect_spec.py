@@ -85,11 +85,12 @@ def _axis(effect: Effect, name: str, text: str) -> int:
 
 def _values(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
     given = text.split("@") if text else []
+    form = "@".join(p.name for p in effect.parameters)
     if len(given) > len(effect.parameters):
         raise UsageError(
             f"hide={whole}: {len(given)} values for {effect.name}, which has "
             f"{len(effect.parameters)}.",
-            cause="values are separated by @, effects by commas.",
+            cause=f"the values are {form}; a comma separates effects.",
             fix=f"hide={effect.example}",
         )
     values: list[float] = []
@@ -111,7 +112,7 @@ def _values(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
         if not math.isfinite(value):
             raise UsageError(
                 f"hide={whole}: {given[i]!r} is not a number for {label}.",
-                cause="a typing error; numbers have a decimal point and no unit.",
+                cause=f"the values are {form}, numbers without names or units.",
                 fix=f"hide={effect.example}",
             )
         if not parameter.low <= value <= parameter.high:

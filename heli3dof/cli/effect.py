@@ -63,7 +63,8 @@ def new(
     written = []
     if name is not None:
         folder, paths = _write(output, name, template_files(name), force=force)
-        out.note(f"Written: {folder}. Replace the equation in {paths[1]} and {paths[2]}")
+        out.note(f"Written: {folder}. Replace the equation in {paths[1]}, {paths[2]} and the test "
+                 f"{paths[3]}")  # fmt: skip
         out.note(f"To check it: heli3dof effect check {quoted(paths[1])}. To install: pip install "
                  f"{_as_path(folder)}")  # fmt: skip
         written.append({"effect": name, "folder": str(folder), "files": [str(p) for p in paths]})

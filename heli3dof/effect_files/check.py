@@ -1,9 +1,7 @@
 """Check an effect that a user wrote: units, equations, and the names that it refers to.
 
-The equations run at `STATES` random states of the default rig, and must return finite numbers. With
-parameters of typical size, a torque must not be zero at all states. It must be zero if each
-parameter has its ``null``, the value without the effect. The last rule is not checked if a
-parameter's logarithm is estimated.
+`heli3dof.model.effects.equation_check` runs the equations, as also when a plug-in is loaded. Here,
+a torque must also not be zero at all states with parameters of typical size.
 """
 
 from __future__ import annotations
@@ -12,41 +10,14 @@ import importlib.util
 import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, no_file, quoted
-from heli3dof.model.effects import Effect, Parameter, Stage, all_names, effects
-from heli3dof.model.parameter_units import NAMED, UNITS, named_unit
+from heli3dof.model.effects import Effect, Parameter, all_names, effects, plug_ins
+from heli3dof.model.effects.equation_check import ADDED, adds_nothing, equation_mistakes
+from heli3dof.model.parameter_units import NAMED, SUPERSCRIPTS, UNITS, named_unit
 from heli3dof.model.physics.compiled_effects import HookError, address
-from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.model.physics.state_layout import (
-    AXIS,
-    F_BACK,
-    F_FRONT,
-    K_F,
-    MEMORY,
-    PARAMETERS,
-    PSI_DOT,
-    SPEED_BACK,
-    SPEED_FRONT,
-    V_BACK,
-    V_FRONT,
-    A,
-    R,
-    T,
-)
-from heli3dof.rig.profile import default_profile
 
-STATES = 20
-"""Number of random states at which an equation runs; a torque must not be zero at every one."""
 KNOWN_UNITS = {u.replace("deg", "°") for u in UNITS}
-ADDED = (Stage.TORQUE, Stage.DRY)
-"""Stages that add a torque"""
-RUN = (*ADDED, Stage.VOLTAGE, Stage.THRUST, Stage.MEASURE)
-"""Stages whose equations the check runs: not `Stage.SETUP`, which changes the rig's parameters"""
 
 
 def effect_of_file(path: Path) -> Effect:
@@ -66,7 +37,7 @@ def effect_of_file(path: Path) -> Effect:
     module = importlib.util.module_from_spec(spec)
     try:
         # The loader would run old byte code after a change within a second that keeps the length.
-        exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
+        exec(compile(path.read_bytes(), str(path.resolve()), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         raise RecordingError(
             f"{path} does not load: {type(error).__name__}: {error}",
@@ -86,13 +57,19 @@ def effect_of_file(path: Path) -> Effect:
 def problems(effect: Effect, plans: Collection[str]) -> list[str]:
     """Return a sentence per mistake in an effect; ``plans``: names of the existing plans."""
     found = [s for p in effect.parameters for s in unit_problems(p)]
-    found += list(_unknown_names(effect, plans))
+    found += list(_wrong_names(effect, plans))
     try:
         for hook in effect.hooks.values():
             address(hook)
     except HookError as error:
         return [*found, str(error)]
-    return found + list(dict.fromkeys(_equation_problems(effect)))
+    if mistakes := equation_mistakes(effect):
+        return found + mistakes
+    return found + [
+        f"{stage.name}: the equation adds nothing at typical parameters."
+        for stage in effect.hooks
+        if stage in ADDED and effect.parameters and adds_nothing(effect, stage)
+    ]
 
 
 def unit_problems(p: Parameter) -> Iterator[str]:
@@ -101,7 +78,7 @@ def unit_problems(p: Parameter) -> Iterator[str]:
     >>> list(unit_problems(Parameter("torque_Nm", "N·m·s", 0.0, -1.0, 1.0, 0.1, "")))
     ["torque_Nm: the name says Nm, the unit 'N·m·s' says Nms."]
     """
-    factors = re.split(r"[·/()]", re.sub("[²³⁴]", "", p.unit))
+    factors = re.split(r"[·/()]", re.sub(f"[{SUPERSCRIPTS}]+", "", p.unit))
     if unknown := [f for f in factors if f and f not in KNOWN_UNITS | {"1", "–"}]:
         yield (
             f"{p.name}: the unit {p.unit!r} contains {unknown[0]!r}. Units are products of "
@@ -113,7 +90,10 @@ def unit_problems(p: Parameter) -> Iterator[str]:
         yield f"{p.name}: the name says {named[1]}, the unit {p.unit!r} says {named_unit(p.unit)}."
 
 
-def _unknown_names(effect: Effect, plans: Collection[str]) -> Iterator[str]:
+def _wrong_names(effect: Effect, plans: Collection[str]) -> Iterator[str]:
+    same = effects().get(effect.name)
+    if same and same.name not in plug_ins() and _files(same) != _files(effect):
+        yield f"name: heli3dof has an effect {effect.name!r} already; choose another name."
     known = {*effects(), *all_names()}
     for other in effect.confused_with:
         if other not in known:
@@ -122,49 +102,6 @@ def _unknown_names(effect: Effect, plans: Collection[str]) -> Iterator[str]:
         yield f"separated_by: there is no plan {effect.separated_by!r}: heli3dof plans"
 
 
-def _equation_problems(effect: Effect) -> Iterator[str]:
-    rig = Structure(default_profile(), ())
-    rng = np.random.default_rng(0)
-    null = [p.null for p in effect.parameters]
-    typical = [p.typical if p.log else p.null + p.typical for p in effect.parameters]
-    axis = AXES.index(effect.axes[0]) if effect.axes else -1
-    for stage, hook in effect.hooks.items():
-        if stage not in RUN or not effect.parameters:
-            continue
-        changes = []
-        for _ in range(STATES):
-            s = rig.arrays(rig.start)[0]
-            s[T] = rng.uniform(0, 60)
-            s[R : PSI_DOT + 1] = rng.normal(0, 0.5, 6)
-            s[V_FRONT : V_BACK + 1] = s[SPEED_FRONT : SPEED_BACK + 1] = rng.uniform(1, 12, 2)
-            s[F_FRONT : F_BACK + 1] = s[K_F] * s[V_FRONT : V_BACK + 1]
-            try:
-                off, on = (_change(hook, stage, s, axis, v) for v in (null, typical))
-            except Exception as error:  # the code is not ours
-                yield f"{stage.name}: {type(error).__name__}: {error}"
-                return
-            if not np.isfinite(on).all():
-                yield f"{stage.name}: the equation gives a number that is not finite."
-            if stage in ADDED and off.any() and not any(p.log for p in effect.parameters):
-                yield (
-                    f"{stage.name}: the equation adds a torque although each parameter has its "
-                    "null, the value without the effect."
-                )
-            changes.append(on.any())
-        if stage in ADDED and not any(changes):
-            yield f"{stage.name}: the equation adds nothing at typical parameters."
-
-
-def _change(hook: Any, stage: Stage, s: np.ndarray, axis: int, values: list[float]) -> np.ndarray:
-    """Return what ``hook``, an equation of an effect, adds to its output array.
-
-    Before the call, this array holds voltages, thrusts or angles of the state ``s``, or zeros,
-    depending on ``stage``. ``values``: the effect's parameters.
-    """
-    begun = {Stage.VOLTAGE: s[V_FRONT : V_BACK + 1], Stage.THRUST: s[F_FRONT : F_BACK + 1],
-             Stage.MEASURE: s[R : R + 3]}.get(stage, np.zeros(3))  # fmt: skip
-    par, out = np.zeros(PARAMETERS), begun.copy()
-    par[AXIS], par[A : A + len(values)] = axis, values
-    with np.errstate(all="ignore"):
-        hook(s, par, np.zeros(MEMORY), out)
-    return np.asarray(out - begun)
+def _files(effect: Effect) -> set[str]:
+    """Return the paths of the files that contain an effect's equations."""
+    return {hook.__code__.co_filename for hook in effect.hooks.values()}

@@ -95,6 +95,7 @@ EFFECTS = (
 '''
 
 _TEST = """\
+# Replace the equation and the number, which you compute by hand.
 import numpy as np
 import pytest
 from heli3dof.model.physics.state_layout import AXIS, MEMORY, PARAMETERS, PSI_DOT, SIZE, A

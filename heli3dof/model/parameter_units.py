@@ -7,9 +7,9 @@ import re
 UNITS = ("Hz", "rad", "deg", "kg", "N", "m", "s", "V", "A", "W")
 """Units in the spelling of parameter names. A parser tries them in this order, so none may begin
 with an earlier one."""
-_ONE = rf"(?:{'|'.join(UNITS)})[2-4]?"
+_ONE = rf"(?:{'|'.join(UNITS)})(?:[2-9]|[1-9]\d+)?"
 NAMED = re.compile(rf"_((?:{_ONE})+(?:_per_(?:{_ONE})+)?|per_(?:{_ONE})+)$")
-SUPERSCRIPTS = str.maketrans("234", "²³⁴")
+DIGITS, SUPERSCRIPTS = "0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
 
 
 def split_unit(key: str) -> tuple[str, str]:
@@ -28,7 +28,9 @@ def split_unit(key: str) -> tuple[str, str]:
 
 def _product(units: str) -> str:
     each = re.findall(_ONE, units)
-    return "·".join(u.replace("deg", "°").translate(SUPERSCRIPTS) for u in each)
+    return "·".join(
+        u.replace("deg", "°").translate(str.maketrans(DIGITS, SUPERSCRIPTS)) for u in each
+    )
 
 
 def torque_per(unit: str) -> str:
@@ -50,4 +52,4 @@ def named_unit(unit: str) -> str:
     plain = unit.replace("°", "deg").replace("–", "")
     above, _, below = re.sub("[·()]", "", plain).partition("/")
     name = f"{above}_per_{below}".removeprefix("1_") if below else above
-    return name.translate(str.maketrans("²³⁴", "234"))
+    return name.translate(str.maketrans(SUPERSCRIPTS, DIGITS))

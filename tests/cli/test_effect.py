@@ -49,6 +49,10 @@ def test_effect_new_writes_an_effect_to_begin_with(tmp_path: Path) -> None:
     (written,) = result.document["written"]
     folder = tmp_path / "heli3dof-magnet-detent"
     assert {Path(f) for f in written["files"]} == set(folder.iterdir())
+    to_edit = [f for f in folder.iterdir() if "**" in f.read_text(encoding="utf-8")]
+    assert len(to_edit) == 3
+    for file in to_edit:  # both equations and the test
+        assert str(file) in result.err
     assert heli3dof("effect", "check", folder / "heli3dof_magnet_detent.py").code == 0
 
 

@@ -114,3 +114,11 @@ def test_a_malformed_effect_is_refused_with_a_correction(text, says):
 
 def test_an_empty_text_hides_nothing():
     assert parse_hide([]) == parse_hide([""]) == ()
+
+
+@pytest.mark.parametrize("values", ["phase_rad:0.3", "0.02@0.5@0.3"])
+def test_a_wrong_value_names_the_values_that_the_effect_has(values: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        parse_hide([f"disturbance.periodic.yaw:{values}"])
+    assert "the values are torque_Nm@frequency_Hz" in caught.value.cause
+    assert caught.value.fix == "hide=disturbance.periodic.yaw:0.02@0.5"

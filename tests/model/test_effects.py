@@ -13,7 +13,8 @@ from heli3dof.errors import UsageError
 from heli3dof.model.effects import Effect, Parameter, all_names, effects, term, terms
 from heli3dof.model.physics import state_layout as at
 from heli3dof.model.physics.compiled_effects import address
-from heli3dof.model.physics.parametrisation import Structure, context
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.rest_context import context
 from heli3dof.rig.profile import default_profile
 
 CONTRACT = {

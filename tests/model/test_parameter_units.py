@@ -27,3 +27,5 @@ def test_other_names_have_no_unit() -> None:
     assert split_unit("flux_Wb") == ("flux_Wb", "")
     assert split_unit("front_over_back") == ("front_over_back", "")
     assert split_unit("drag_Nms3_per_rad3") == ("drag", "N·m·s³/rad³")
+    assert split_unit("drag_Nms5_per_rad12") == ("drag", "N·m·s⁵/rad¹²")
+    assert split_unit("stage_A1") == ("stage_A1", "")

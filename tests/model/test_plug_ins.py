@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -30,7 +32,7 @@ EFFECT = Effect(
     {{Stage.TORQUE: hook}},
 )
 """
-SOUND = WOBBLE.format(body="par[0]")
+SOUND = WOBBLE.format(body="par[1]")
 Install = Callable[[str], None]
 
 
@@ -101,10 +103,13 @@ def test_a_model_file_without_its_plug_in_names_the_package_to_install(
         ("\n\ndef hook(:\n", 3, "SyntaxError"),
         (WOBBLE.format(body="'a text'"), 4, "does not compile"),
         (WOBBLE.format(body="no_such_name"), 4, "no_such_name"),
+        (WOBBLE.format(body="par[1] * s[3] ** 0.5"), 4, "TORQUE: the equation gives a number that"),
+        (WOBBLE.format(body="0.1"), 4, "adds a torque although each parameter has its null"),
+        (WOBBLE.replace("out[0]", "out[3]").format(body="par[1]"), 4, "index 3 is outside"),
         ("EFFECT = 3\n", 0, "it is a int, not an Effect"),
         ("raise SystemExit\n", 1, "SystemExit"),
     ],
-    ids=["import", "syntax", "type", "name", "kind", "exit"],
+    ids=["import", "syntax", "type", "name", "nan", "null", "index", "kind", "exit"],
 )
 def test_a_broken_plug_in_is_named_with_its_file_and_left_out(
     code: str, line: int, why: str, install: Install, tmp_path: Path,
@@ -127,6 +132,15 @@ def test_a_broken_plug_in_is_named_with_its_file_and_left_out(
     with pytest.raises(UsageError) as refused:
         term("acme.wobble")
     assert why in refused.value.cause
+
+
+def test_a_plug_in_loads_from_the_folder_in_which_it_was_checked(
+    install: Install, tmp_path: Path
+) -> None:
+    install(SOUND)
+    file = tmp_path / "site0" / "acme_wobble.py"
+    subprocess.run([sys.executable, "-m", "heli3dof", "effect", "check", file], check=True)
+    assert "acme.wobble" in effects()
 
 
 def test_verbs_that_do_not_need_it_work_beside_a_broken_plug_in(

@@ -13,7 +13,8 @@ from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects.base import Effect, Parameter, Term
 from heli3dof.model.effects.empirical import empirical_effect
-from heli3dof.model.physics.compiled_effects import HookError, address
+from heli3dof.model.effects.equation_check import equation_mistakes
+from heli3dof.model.physics.compiled_effects import HookError, address, source_line
 from heli3dof.model.physics.state_layout import Stage
 from heli3dof.plugins import modules_of
 
@@ -72,6 +73,8 @@ def _all() -> _Catalogue:
                 raise ValueError(f"there is an effect {effect.name!r} already")
             for hook in effect.hooks.values():
                 address(hook)
+            if mistakes := equation_mistakes(effect):
+                raise HookError(mistakes[0], source_line(next(iter(effect.hooks.values()))))
         except (Exception, SystemExit) as error:
             result.broken.append(f"{plug_in} does not load: {_in_a_line(error)}")
             logging.getLogger("heli3dof").warning(
@@ -122,7 +125,8 @@ def _where(error: BaseException) -> str:
 
 
 def _in_a_line(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+    kind = "" if isinstance(error, HookError) else f"{type(error).__name__}: "
+    return f"{kind}{' '.join(str(error).split())[:300].rstrip('.')}"
 
 
 def term(name: str) -> Term:

@@ -11,6 +11,7 @@ Each function of an effect has the signature ``f(s, par, mem, out) -> None`` on 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -19,7 +20,10 @@ Hook = Callable[[Any, Any, Any, Any], None]
 
 
 class HookError(Exception):
-    """Raised if an effect's function does not compile; ``where`` is its ``file:line``."""
+    """Raised if an effect's function does not compile or its equation is wrong.
+
+    ``where`` is the function's ``file:line``.
+    """
 
     def __init__(self, what: str, where: str) -> None:
         super().__init__(what)
@@ -32,12 +36,20 @@ def _code(function: Hook) -> Any:
 
     pointer = numba.types.CPointer(numba.types.float64)  # type: ignore[no-untyped-call]
     signature = numba.types.void(pointer, pointer, pointer, pointer)
+    # numba imports the function's module by its name when it loads cached code.
+    module = sys.modules.get(function.__module__)
+    importable = module is not None and vars(module) is getattr(function, "__globals__", None)
     try:
-        return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+        return numba.cfunc(signature, cache=importable, error_model="numpy")(function)
     except Exception as error:  # numba's passes raise errors of many types
-        code = getattr(function, "__code__", None)
-        where = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
+        where = source_line(function)
         raise HookError(f"{where} does not compile: {error}", where) from error
+
+
+def source_line(function: Hook) -> str:
+    """Return ``file:line`` of a function."""
+    code = getattr(function, "__code__", None)
+    return f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
 
 
 def address(function: Hook) -> int:

@@ -28,7 +28,8 @@ from heli3dof.model.effects import Term
 from heli3dof.model.effects.base import Parameter
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import Hook, address
-from heli3dof.rig.profile import Profile, g
+from heli3dof.model.physics.rest_context import context
+from heli3dof.rig.profile import Profile
 
 INERTIA_PRIOR = 0.7
 """Prior standard deviation of ln(J/nominal) of an inertia J: a factor of two up or down."""
@@ -199,21 +200,3 @@ def thrust_per_volt_ratio(profile: Profile, values: Sequence[float] | np.ndarray
         return 1.0
     middle = (len(ratio) - 1) // 2
     return float((ratio[middle] + ratio[len(ratio) // 2]) / 2)
-
-
-def context(profile: Profile) -> np.ndarray:
-    """Return the context array s (`state_layout`) of the profile's rig at rest, without effects."""
-    p = profile
-    s = np.zeros(_s.SIZE)
-    s[_s.L_A], s[_s.L_H], s[_s.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
-    s[_s.K_F] = p.motor.K_f
-    s[_s.T_G] = p.trim_torque
-    s[_s.J_R : _s.J_R + 3] = p.inertias
-    # Inertia beyond that of the profile's masses rotates with the joint alone (`rigid_body`).
-    s[_s.BODY_P], s[_s.BODY_PSI] = p.mass_inertias[1:]
-    s[_s.GAIN_FRONT] = s[_s.GAIN_BACK] = 1.0
-    s[_s.V_O], s[_s.V_MAX] = p.motor.V_o, p.motor.v_max
-    s[_s.M_W], s[_s.M_F], s[_s.M_B] = p.mass.m_w, p.mass.m_f, p.mass.m_b
-    s[_s.REST : _s.REST + 3] = p.encoder.rest_rad
-    s[_s.G_P] = (p.mass.m_f - p.mass.m_b) * g * p.geometry.L_h
-    return s

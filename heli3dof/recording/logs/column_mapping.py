@@ -134,7 +134,7 @@ class _Mapping:
         self.used: set[str] = set()
         self._results: dict[str, np.ndarray] = {}
         self._pending: list[str] = []
-        names = sorted({*table.columns, *entries, "sample"}, key=len, reverse=True)
+        names = sorted({*table.columns, *table.paths, *entries, "sample"}, key=len, reverse=True)
         words = "|".join(re.escape(n) for n in names if re.search(r"[^\W\d]", n))
         self._names = re.compile(rf"(?<![\w.\]])(?:{words})(?![\w(\[])")
 
@@ -186,7 +186,7 @@ class _Mapping:
                 target, f"is not an expression ({reason})", "a missing parenthesis or operator.",
                 f"numbers, columns, parentheses, + - * / **, pi and {', '.join(sorted(FUNCTIONS))}",
             ) from None  # fmt: skip
-        return tree, {p: name for name, p in places.items()}
+        return tree, {p: self.table.paths.get(name, name) for name, p in places.items()}
 
     def _evaluated(
         self, target: str, tree: ast.expr, values: Mapping[str, np.ndarray]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -139,12 +139,13 @@ def _read(
     try:
         table = importer.read(path, profile, columns)
         must_be(Table, table)
-        shapes = {name: np.shape(column) for name, column in table.columns.items()}
-        if len(set(shapes.values())) > 1:
-            raise ValueError(f"its columns have different shapes: {shapes}")
+        return replace(table, columns=_numeric(table.columns))
     except (Heli3dofError, OSError):
         raise
-    except Exception as error:  # KeyError, struct.error, UnicodeDecodeError, a library's own …
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # KeyError, struct.error …
         raise RecordingError(
             f"{path} cannot be read by the importer {importer.name}: "
             f"{type(error).__name__}: {error}",
@@ -152,7 +153,24 @@ def _read(
             fix="write the log again with the program that made it, or export it as CSV and "
             "heli3dof import that file",
         ) from error
-    return table
+
+
+def _numeric(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Return an importer's columns as arrays (N,) of float; raise ValueError if they are not."""
+    if not columns:
+        raise ValueError("its table has no column")
+    arrays: dict[str, np.ndarray] = {}
+    for name, column in columns.items():
+        try:
+            arrays[name] = np.asarray(column, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"its column {name} contains no numbers: {error}") from error
+    shapes = {name: array.shape for name, array in arrays.items()}
+    if len(set(shapes.values())) > 1:
+        raise ValueError(f"its columns have different shapes: {shapes}")
+    if len(next(iter(shapes.values()))) != 1:
+        raise ValueError(f"its columns are not vectors: {shapes}")
+    return arrays
 
 
 def _not_importable(path: Path) -> RecordingError:

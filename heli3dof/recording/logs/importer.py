@@ -29,6 +29,8 @@ class Table:
     has the same name in the log"""
     ignored: Sequence[str] = ()
     """Names of the columns that were left out, each with the reason"""
+    paths: Mapping[str, str] = field(default_factory=dict)
+    """Full path in the log, such as ``flight.angle.roll`` → column; a mapping accepts both names"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Importer:
             return self.recognises(path)
         except OSError:
             return False
-        except Exception as error:  # other importers may read the file
+        except (Exception, SystemExit) as error:  # other importers may read the file
             logging.getLogger("heli3dof").warning(
                 "Warning: the importer %s cannot examine %s: %s: %s. It is left out.",
                 self.name, path, type(error).__name__, error,

@@ -59,6 +59,7 @@ def join(tables: Sequence[Table]) -> Table:
     first = (clocked or tables)[0]
     rows = _common_rows(clocked)
     columns: dict[str, np.ndarray] = {}
+    paths: dict[str, str] = {}
     warnings = [f"{table.source}: {w}" for table in tables for w in table.warnings]
     seen = Counter(name for table in tables for name in table.columns)
     for table in tables:
@@ -83,6 +84,7 @@ def join(tables: Sequence[Table]) -> Table:
                     fix="name every file of one flight once; rename one of the signals",
                 )
             columns[own] = values[keep]
+            paths |= {f"{own[: -len(name)]}{p}": own for p, c in table.paths.items() if c == name}
     return Table(
         " + ".join(dict.fromkeys(table.source for table in tables)),
         columns,
@@ -91,6 +93,7 @@ def join(tables: Sequence[Table]) -> Table:
         next((table.profile for table in tables if table.profile is not None), None),
         first.origins,
         [text for table in tables for text in table.ignored],
+        paths,
     )
 
 

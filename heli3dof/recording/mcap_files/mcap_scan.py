@@ -7,6 +7,7 @@ first damage. Here `scan` finds all records first, and its caller decides what t
 from __future__ import annotations
 
 import json
+import re
 import struct
 import threading
 import zlib
@@ -299,6 +300,10 @@ _SIGNATURES = (
 )
 
 
+_CONTROL = re.compile("[\0-\x08\x0e-\x1a\x1c-\x1f]")
+"""A control character that text does not contain: all except white space and Escape"""
+
+
 def what_is(data: bytes) -> str:
     """Return the kind of file that begins with the bytes ``data``, in words: ``a MAT-file``."""
     if not data:
@@ -312,9 +317,10 @@ def what_is(data: bytes) -> str:
         text = data[:4096].decode("utf-8-sig", errors="strict")
     except UnicodeDecodeError as error:
         if error.start < len(data[:4096]) - 4:
-            return "a binary file of an unknown kind"
-        text = data[: error.start].decode("utf-8-sig")
-    if "\0" in text:
+            text = data[:4096].decode("latin-1")
+        else:
+            text = data[: error.start].decode("utf-8-sig")
+    if _CONTROL.search(text):
         return "a binary file of an unknown kind"
     line = text.split("\n", 1)[0]
     if line.lstrip().startswith(("{", "[")) and not line.count(","):

@@ -6,12 +6,14 @@ held-out data, residual tests, and the model orders tried.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
+from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text.number_format import NONE, fixed, significant
 from heli3dof.report.text.table import Grid
 
@@ -80,28 +82,29 @@ def _residual_tests(found: Identification) -> Iterator[str]:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds, and without the effect parameters within two standard deviations of
-    the value that means "no effect". A note names the effects of which no parameter is left.
+    ``brief``: without bounds, and without the effects of which all parameters are within two
+    standard deviations of the value that means "no effect". A note names these effects.
     """
     parameters = found.found.parameters
-    absent = {
-        name: p
+    significant_terms = {
+        _short(name)
         for name, p in parameters.items()
-        if brief and "." in name and abs(p.value - p.nominal) <= 2 * p.std
+        if not brief or "." not in name or abs(p.value - p.nominal) > 2 * p.std
     }
-    shown = {name: p for name, p in parameters.items() if name not in absent}
+    shown = {name: p for name, p in parameters.items() if _short(name) in significant_terms}
     has_bounds = not brief and any(np.isfinite(p.bound) for p in shown.values())
     if brief:
-        names = [n for n in dict.fromkeys(map(_short, absent)) if n not in map(_short, shown)]
+        names = [n for n in dict.fromkeys(map(_short, parameters)) if n not in significant_terms]
         notes = [f"Not significant: {', '.join(names)}."] * bool(names)
     else:
         bound = "; bound: the Cramér–Rao bound on it, for encoders with white rounding noise"
         notes = [f"σ: standard deviation{bound if has_bounds else ''}."]
         notes += [p.verdict for p in shown.values() if p.verdict]
         notes += _correlated(list(parameters), found.found.correlation)
+    count = Counter(map(_short, parameters))
     rows = [
         [
-            _short(name),
+            _short(name) if count[_short(name)] == 1 else split_unit(name)[0],
             significant(p.value, p.std),
             significant(p.std, p.std),
             *([significant(p.bound, p.std)] if has_bounds else []),

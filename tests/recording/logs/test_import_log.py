@@ -106,6 +106,28 @@ def test_byte_order_marks_comments_and_line_endings_are_accepted(tmp_path: Path,
     assert r.meta["warnings"] == []
 
 
+@pytest.mark.parametrize("titles", ["Lab 3; flight of 1 May\n# period;2 ms\n", "Flight 3\n\n"])
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_titles_above_the_header_are_skipped_with_a_warning(
+    titles: str, separator: str, tmp_path: Path
+) -> None:
+    table = csv_text(columns())
+    if separator == ";":
+        table = table.replace(",", ";").replace(".", ",")
+    path = write(tmp_path, titles + table)
+    np.testing.assert_array_equal(import_log(path, PROFILE).voltage, flight(1500).voltage)
+    assert warned(path, "The header is line 3; the lines above it were ignored.")
+
+
+def test_text_in_another_encoding_is_not_called_binary(tmp_path: Path) -> None:
+    path = write(tmp_path, "Höhe;Nick;Gier\n1;2;3\n".encode("latin-1"), "log.txt")
+    with pytest.raises(RecordingError, match="it is a text table, possibly CSV"):
+        import_log(path, PROFILE)
+    path.write_bytes(b"\x01\xff\xfe\x00" * 100)
+    with pytest.raises(RecordingError, match="it is a binary file of an unknown kind"):
+        import_log(path, PROFILE)
+
+
 def test_a_gzipped_log_is_read(tmp_path: Path) -> None:
     path = write(tmp_path, gzip.compress(csv_text(columns()).encode()), "log.csv.gz")
     assert import_log(path, PROFILE).name == "log"

@@ -1,7 +1,8 @@
 """Importer of CSV logs (``.csv``, ``.csv.gz``); its errors name line and column.
 
 numpy parses the whole file; if it fails, the text is parsed cell by cell to find the faulty cell.
-Semicolons, tabs or spaces between columns and decimal commas are accepted with a warning.
+Semicolons, tabs or spaces between columns, decimal commas and titles above the header are accepted
+with a warning.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from heli3dof.rig.log_columns import KNOWN
 from heli3dof.rig.profile import Profile
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+HEAD_LINES = 50
+"""Number of lines in which the header and the first numbers are searched (a convention)"""
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 
@@ -46,8 +49,11 @@ def read(
             cause="the logging program stopped before it wrote its first line.",
             fix="record again",
         )
-    separator, names = _header(path, lines[first])
     warnings: list[str] = []
+    if (header := _header_line(lines[first : first + HEAD_LINES])) > 0:
+        first += header
+        warnings.append(f"The header is line {first + 1}; the lines above it were ignored.")
+    separator, names = _header(path, lines[first])
     body = lines[first + 1 :]
     numbers = [first + 2 + i for i, x in enumerate(body) if x.strip()]
     body = [x for x in body if x.strip()]
@@ -114,11 +120,34 @@ def _two_bytes(data: bytes) -> str | None:
     return None
 
 
-def _header(path: Path, line: str) -> tuple[str, list[str]]:
+def _header_line(lines: list[str]) -> int:
+    """Return the index of the header: the first line with as many cells as the first numbers below.
+
+    So titles above the header are skipped. Returns 0 if no line is so.
+    """
+    for i, line in enumerate(lines):
+        separator = _separator(line)
+        rows = [_cells(x, separator) for x in lines[i:]]
+        numbers = next((k for k, row in enumerate(rows) if _mostly_numbers(row)), None)
+        if numbers == 0:
+            break
+        if numbers and not line.startswith("#") and len(rows[0]) == len(rows[numbers]):
+            return i
+    return 0
+
+
+def _mostly_numbers(row: list[str]) -> bool:
+    return 2 * sum(_is_number(cell.replace(",", ".")) for cell in row) > len(row)
+
+
+def _separator(line: str) -> str:
     counts = {s: line.count(s) for s in ",;\t"}
     separator = max(counts, key=lambda s: counts[s])
-    if counts[separator] == 0:
-        separator = " "
+    return separator if counts[separator] else " "
+
+
+def _header(path: Path, line: str) -> tuple[str, list[str]]:
+    separator = _separator(line)
     names = [name.strip().strip("\"'").strip() for name in _cells(line, separator)]
     numeric = [_is_number(name.replace(",", ".")) for name in names]
     if names and all(numeric):

@@ -20,7 +20,7 @@ block "To File" calls every matrix ``ans``; such a matrix's signals have the fil
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,6 +42,13 @@ class _Found:
     clocked: list[tuple[np.ndarray, dict[str, np.ndarray]]] = field(default_factory=list)
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
+    paths: dict[str, str] = field(default_factory=dict)
+    """Name of an array or timed structure → its full path, such as ``flight.angle.roll``"""
+
+    def columns_of_paths(self, columns: Iterable[str]) -> dict[str, str]:
+        """Return {full path: column}; rows have an index in both: ``flight.x[1]``, ``x[1]``."""
+        names = {c: c if c in self.paths else c.rpartition("[")[0] for c in columns}
+        return {self.paths[n] + c[len(n) :]: c for c, n in names.items() if n in self.paths}
 
 
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
@@ -52,20 +59,28 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
     """
     found = _Found()
     for name, value in variables.items():
-        _visit(stem if name == UNNAMED else name, value, found)
+        name = stem if name == UNNAMED else name
+        _visit(name, name, value, found)
     clocked = list(_by_clock(found))
     lengths = {len(next(iter(columns.values()))) for columns in clocked}
     groups = [*clocked, *_without_clock(found, lengths)]
-    made = [Table(source, columns, lambda k: f"sample {k + 1}") for columns in groups]
-    if made:
-        made[0] = Table(source, made[0].columns, made[0].where, ignored=found.ignored)
-    return made
+    return [
+        Table(
+            source,
+            columns,
+            lambda k: f"sample {k + 1}",
+            ignored=[] if i else found.ignored,
+            paths=found.columns_of_paths(columns),
+        )
+        for i, columns in enumerate(groups)
+    ]
 
 
-def _visit(name: str, value: Any, found: _Found) -> None:
+def _visit(name: str, path: str, value: Any, found: _Found) -> None:
     """Add the signals of the variable ``name`` to ``found``; visit the fields of a structure.
 
-    A field's signal is named like the field, or ``structure.field`` if another array has this name.
+    A field's signal is named like the field. If another array has this name, it is
+    ``structure.field``; if this is taken too, the full path.
     """
     if isinstance(value, Opaque):
         found.ignored.append(
@@ -76,15 +91,19 @@ def _visit(name: str, value: Any, found: _Found) -> None:
         timed = _timed_structure(name, value)
         if timed is not None:
             found.clocked.append(timed)
+            found.paths[name] = path
             return
         for key, inner in value.items():
-            _visit(key if key not in found.arrays else f"{name}.{key}", inner, found)
+            full = f"{path}.{key}"
+            free = (n for n in (key, f"{name}.{key}") if n not in found.arrays)
+            _visit(next(free, full), full, inner, found)
     else:
         array = np.squeeze(np.asarray(value))
         if array.dtype.kind not in "fiub" or array.ndim > 2 or max(array.shape, default=0) < 2:
             found.ignored.append(f"{name}: {_described(value)}")
         else:
             found.arrays[name] = array.astype(float)
+            found.paths[name] = path
 
 
 def _timed_structure(

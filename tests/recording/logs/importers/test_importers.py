@@ -87,6 +87,22 @@ def _two_lengths(path: Path) -> Table:
     return Table(path.name, {"t_s": np.zeros(2), "v_front_V": np.zeros(3)}, str)
 
 
+def _text(path: Path) -> Table:
+    return Table(path.name, {"t_s": np.zeros(2), "note": np.array(["a", "b"])}, str)
+
+
+def _matrix(path: Path) -> Table:
+    return Table(path.name, {"t_s": np.zeros((2, 2))}, str)
+
+
+def _empty(path: Path) -> Table:
+    return Table(path.name, {}, str)
+
+
+def _exit(path: Path) -> Table:
+    raise SystemExit(3)
+
+
 def _no_table(path: Path) -> Table:
     return json.loads("{}")  # type: ignore[no-any-return]
 
@@ -101,6 +117,10 @@ def _no_table(path: Path) -> Table:
         (lambda path: b"\xff".decode("utf-8"), "UnicodeDecodeError"),
         (lambda path: next(iter(())), "StopIteration"),
         (_two_lengths, "ValueError: its columns have different shapes: {'t_s': (2,)"),
+        (_text, "ValueError: its column note contains no numbers: could not convert string"),
+        (_matrix, "ValueError: its columns are not vectors: {'t_s': (2, 2)}"),
+        (_empty, "ValueError: its table has no column"),
+        (_exit, "SystemExit: 3"),
         (_no_table, "TypeError: it is a dict; expected: Table"),
     ],
 )

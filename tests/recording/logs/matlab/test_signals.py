@@ -11,7 +11,9 @@ from scipy.io import savemat
 
 from heli3dof.errors import RecordingError
 from heli3dof.recording.load import load
+from heli3dof.recording.logs.column_mapping import mapped
 from heli3dof.recording.logs.importers.mat_file import read
+from heli3dof.recording.logs.joined_tables import join
 from heli3dof.recording.logs.matlab.signals import tables
 from heli3dof.recording.logs.matlab.variables import Opaque
 from tests.recording.make import flight, log_columns
@@ -96,6 +98,27 @@ def test_vectors_without_any_time_keep_their_names(tmp_path: Path) -> None:
     assert list(columns(tmp_path, {"Vf": X[0], "Vb": X[1]})) == ["Vf", "Vb"]
     with pytest.raises(RecordingError, match="different lengths"):
         columns(tmp_path, {"Vf": X[0], "Vb": X[1, :30]})
+
+
+def test_a_field_can_be_mapped_by_its_full_path(tmp_path: Path) -> None:
+    flight = {"zeit": T, "ist": {"roll": X[0], "x": -X}, "soll": {"roll": X[1]}}
+    savemat(tmp_path / "a.mat", {"flug": flight, "sim": {"soll": {"roll": 2 * X[1]}}})
+    table = read(tmp_path / "a.mat")
+    assert [n for n in table.columns if "roll" in n] == ["roll", "soll.roll", "sim.soll.roll"]
+    expressions = {"t_s": "flug.zeit", "roll_deg": "flug.ist.roll", "v_front_V": "flug.ist.x[2]",
+                   "pitch_deg": "flug.soll.roll", "yaw_deg": "sim.soll.roll"}  # fmt: skip
+    found = mapped(table, expressions, {}).columns
+    for name, values in zip(expressions, (T, X[0], -X[1], X[1], 2 * X[1]), strict=True):
+        np.testing.assert_array_equal(found[name], values)
+
+
+def test_a_full_path_has_its_files_prefix_if_two_files_have_it(tmp_path: Path) -> None:
+    for file in ("a", "b"):
+        savemat(tmp_path / f"{file}.mat", {"flug": {"t": T, "u": X[0], file: X[1]}})
+    table = join([read(tmp_path / f"{file}.mat") for file in ("a", "b")])
+    found = mapped(table, {"v_front_V": "b.flug.u", "v_back_V": "flug.b"}, {}).columns
+    np.testing.assert_array_equal(found["v_front_V"], X[0])
+    np.testing.assert_array_equal(found["v_back_V"], X[1])
 
 
 def test_an_object_of_a_matlab_class_is_ignored_with_the_way_to_convert_it() -> None:
