@@ -36,6 +36,7 @@ from heli3dof.experiment.control_loop.stop_reasons import STOPPED, explain
 from heli3dof.recording.row import Row
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Motor
+from heli3dof.rig.trip import Trip
 
 HOVER_BAND = 0.5
 """Largest difference between a last voltage and V_o at which a ramp starts, as a share of V_h. A
@@ -165,7 +166,7 @@ def ramp_to_zero(
         ):
             if (reason := at_once()) is not None:
                 exchange.stop(reason)
-                return RampDown(False, reason, stopped=True)
+                return RampDown(False, Trip.first(tripped, reason) or reason, stopped=True)
             if supervision is not None:
                 requested = requested or supervision.reason_to_shorten()
                 if not hurried and (requested is not None or tripped is not None):
