@@ -35,7 +35,7 @@ from dataclasses import dataclass
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.control_loop.control_period import motor_voltage
 from heli3dof.experiment.control_loop.rig_exchange import RigExchange
-from heli3dof.experiment.control_loop.stop_reasons import STOPPED, explain
+from heli3dof.experiment.control_loop.stop_reasons import STOPPED
 from heli3dof.recording.row import Row
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Motor
@@ -197,7 +197,7 @@ def ramp_to_zero(
         reason = f"the ramp to zero failed: {what}"
         exchange.stop(reason)
         return RampDown(False, reason, error=problem)
-    device_stop = explain(flags & STOPPED & ~known, exchange.device_cause)
+    device_stop = exchange.explain(flags & STOPPED & ~known)
     if not _is_zero(sample, motor):
         still_on = _still_on(sample)
         exchange.stop(still_on)
