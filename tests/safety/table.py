@@ -141,7 +141,7 @@ ROWS = [
     Row("stalled_motor", "a motor is stalled", DEVICE, OWN_STOP, INSTANT,
         "tripped", "a motor is stalled", 4),
     Row("amplifier_fault", "overcurrent, over-temperature", DEVICE,
-        OWN_STOP + "; arms again only without the fault", INSTANT,
+        OWN_STOP + "; can be armed only without the fault", INSTANT,
         "tripped", "the amplifier reports a fault", 4),
     Row("button", "the rig's own button", DEVICE, OWN_STOP, INSTANT,
         "tripped", "an emergency stop is in force", 4),
