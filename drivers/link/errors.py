@@ -33,6 +33,22 @@ def not_ours(name: str) -> DeviceError:
     )
 
 
+def no_valid_sample(name: str, seconds: float, malformed: int, rejected: int) -> DeviceError:
+    """Return the DeviceError for a device whose watchdog expired while it sent no valid sample.
+
+    ``seconds``: time since the last valid sample; ``malformed`` and ``rejected``: frames since then
+    (`LinkStatistics`).
+    """
+    return DeviceError(
+        f"{name}: no valid sample for {seconds:.1f} s ({malformed} malformed, {rejected} "
+        "rejected); the watchdog stopped the motors.",
+        cause="the device's program repeats old samples or damages frames, or the line does."
+        if malformed or rejected
+        else "the line was cut for a time.",
+        fix="heli3dof doctor; compare the firmware with docs/reference/protocol.md",
+    )
+
+
 def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
     """Return the DeviceError for an emergency stop that the device did not confirm.
 

@@ -29,6 +29,7 @@ from ..rig_errors import closed, not_a_voltage, not_armed
 from .emergency_stop import SHARED_TRIES, STOP_TRIES, ack_of, stop, stop_over
 from .errors import (
     gone_silent,
+    no_valid_sample,
     not_arming,
     not_ours,
     not_stopped,
@@ -261,7 +262,13 @@ class LinkRig:
         return ack
 
     def _no_sample(self) -> DeviceError:
-        return self._connection_error() or not_ours(self._transport.name)
+        problem = self._connection_error()
+        if problem is not None:
+            return problem
+        report = self._client.request(Status, _report)
+        if self._samples.armed and report is not None and report.flags & Flags.LATCHED:
+            return no_valid_sample(self._transport.name, *self._samples.since_valid())
+        return not_ours(self._transport.name)
 
     def _connection_error(self) -> DeviceError | None:
         """Return the DeviceError if the device is silent or has restarted since it was opened.

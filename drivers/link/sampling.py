@@ -35,6 +35,20 @@ class Sampling:
         self.armed = False
         self._retry_s = SHORTEST_RETRY_S
         self._extra_replies = 0
+        self._valid = (time.monotonic(), 0, 0)
+        """Time of the last valid sample (s, monotonic); frames malformed and rejected until then"""
+
+    def since_valid(self) -> tuple[float, int, int]:
+        """Return the time in s since the last valid sample, and the frames malformed and rejected.
+
+        The counts, too, are those since the last valid sample.
+        """
+        statistics, (then_s, malformed, rejected) = self._client.statistics, self._valid
+        return (
+            time.monotonic() - then_s,
+            statistics.malformed - malformed,
+            statistics.rejected - rejected,
+        )
 
     def next_of_stream(self) -> Sample | None:
         """Return the stream's next sample; None if none arrives within `SILENCE_S` seconds."""
@@ -114,4 +128,7 @@ class Sampling:
                 self._extra_replies = max(0, self._extra_replies - 1)
                 self._client.statistics.samples_stale += newest is not None
                 newest = sample
+        if newest is not None:
+            statistics = self._client.statistics
+            self._valid = (newest.host_time_s, statistics.malformed, statistics.rejected)
         return newest

@@ -83,7 +83,9 @@ class LabAmplifier:
         *whole, self._pending[line] = (self._pending[line] + came).split(b"\n")
         for text in whole:
             self._catch_up()
-            line.sendall(self._answer(line, text.decode().split()).encode() + b"\n")
+            line.sendall(
+                self._answer(line, text.decode().split()).encode(errors="surrogateescape") + b"\n"
+            )
 
     def _drop(self, line: socket.socket) -> None:
         self._selector.unregister(line)
@@ -109,11 +111,9 @@ class LabAmplifier:
         elif words == ["ARM"]:
             device.arm()
         elif words[0] == "V":
-            number, front, back = int(words[1]), float(words[2]), float(words[3])
-            if not (isfinite(front) and isfinite(back)):
-                device.stop()
-                return "NO: a voltage that is not a number"
-            device.command(number, front, back)
+            # A NaN becomes +v_max, as by max(-v_max, min(v_max, volts)).
+            front, back = (v if isfinite(v) else device.v_max for v in map(float, words[2:]))
+            device.command(int(words[1]), front, back)
         return self._sample()
 
     def _sample(self) -> str:

@@ -82,6 +82,32 @@ def test_a_pulled_cable_is_an_error_and_closing_is_quiet(
     rig.close()
 
 
+@pytest.mark.parametrize(
+    "answer", ["12 3.0 44", "a b c d e f g h", "", "NO fuse blown", "\udcff\udcfe"], ids=repr
+)
+def test_a_garbled_or_refusing_answer_is_an_error_with_its_cause(
+    installed: None, amplifier: LabAmplifier, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    rig = open_driver(f"lab://{amplifier.place}", default_profile())
+    rig.arm()
+    monkeypatch.setattr(amplifier, "_answer", lambda line, words: answer)
+    with pytest.raises(DeviceError, match=f"lab://{amplifier.place}") as caught:
+        rig.exchange(Command(1, 1.0, 1.0), 0.0)
+    assert "refused line or garbled answer" in caught.value.cause
+    rig.close()
+
+
+def test_a_silent_amplifier_is_a_matter_of_cable_or_supply(
+    installed: None, amplifier: LabAmplifier
+) -> None:
+    rig = open_driver(f"lab://{amplifier.place}", default_profile())
+    amplifier.hang_up()
+    with pytest.raises(DeviceError) as caught:
+        rig.read()
+    assert caught.value.cause == "cable or supply"
+    rig.close()
+
+
 def test_an_amplifier_that_is_off_is_an_error_that_says_what_to_do(installed: None) -> None:
     with pytest.raises(DeviceError) as caught:
         open_driver("lab://127.0.0.1:1", default_profile())

@@ -161,6 +161,28 @@ def test_button(aboard: Aboard, at_s: float) -> None:
 
 
 @pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
+def test_amplifier_output(aboard: Aboard, at_s: float) -> None:
+    aboard.at(at_s, lambda: aboard.device.disable())
+    done = aboard.flown(MOCK)
+    aboard.shows("amplifier_output", done, at_s)
+    assert "does not report ENABLED any more" in done.err
+
+
+def test_an_amplifier_that_holds_its_voltages_is_stopped(aboard: Aboard) -> None:
+    def hold() -> None:
+        device, command = aboard.device, aboard.device.command
+        device.command = lambda number, *volts: command(
+            number, *(device.v if any(device.v) else volts)
+        )
+
+    aboard.at(EVENT_S, hold)
+    done = aboard.flown(MOCK, "--roll", "20")
+    detection_s = aboard.zero_s - 2 * default_profile().dt
+    aboard.shows("amplifier_output", done, detection_s)
+    assert "has not followed the commands for 51 samples" in done.err
+
+
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float) -> None:
     real = McapFile.write_chunk
 

@@ -26,7 +26,7 @@ from heli3dof.experiment.control_loop.ramp_down import (
 )
 from heli3dof.experiment.control_loop.realtime_priority import Realtime, quiet_interpreter, realtime
 from heli3dof.experiment.control_loop.rig_exchange import RigExchange
-from heli3dof.experiment.control_loop.stop_reasons import STOPPED, explain
+from heli3dof.experiment.control_loop.stop_reasons import STOPPED
 from heli3dof.experiment.plan import Signals
 from heli3dof.model.control.loop_opening import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
@@ -295,7 +295,7 @@ class _Flight:
         report = self.judge(k, t, sample, angle, command, voltage)
         # A monitor's report is closer to the cause than the envelope's.
         flags = int(sample.flags)
-        stopped = explain(flags, self.exchange.device_cause) if flags & STOPPED else None
+        stopped = self.exchange.explain(flags) if flags & STOPPED else None
         if (seen := Trip.first(stopped, report)) is not None:
             return _End("tripped", seen)
         tripped = self.envelope.check(t, angle, rates, command, voltage)

@@ -23,6 +23,8 @@ laws: `make bench TOPIC=ramp_down`.
   roll (the arm's angle) at the end of the ramp. A working encoder shows the arm fall; one that
   reads a constant angle above the table may be dead. In that case the loop holds zero volts until
   the reading changes, for at most `FALL_S`.
+* If the device still reports an output voltage after the ramp, the loop holds zero volts for at
+  most `ZERO_S`. Then it stops the device, and the flight counts as tripped.
 """
 
 from __future__ import annotations
@@ -31,11 +33,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from heli3dof.errors import DeviceError
+from heli3dof.experiment.control_loop.control_period import motor_voltage
 from heli3dof.experiment.control_loop.rig_exchange import RigExchange
-from heli3dof.experiment.control_loop.stop_reasons import STOPPED, explain
+from heli3dof.experiment.control_loop.stop_reasons import STOPPED
 from heli3dof.recording.row import Row
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Motor
+from heli3dof.rig.trip import Trip
 
 HOVER_BAND = 0.5
 """Largest difference between a last voltage and V_o at which a ramp starts, as a share of V_h. A
@@ -44,6 +48,11 @@ arm at rest, ramped from κ times its hover voltage, climbs by (2/3) (κ − 1)�
 time²: 0.7° at κ = 1.5, T_g/J_roll = 73°/s² and a ramp of 0.5 s"""
 FALL_S = 2.0
 """s within which an arm without thrust reaches the table from any height (1 rad at 1 rad/s²)"""
+ZERO = 0.1
+"""Largest output that counts as zero volts after the ramp, as a share of V_h: more than the error
+of a measured output, too little to move the arm"""
+ZERO_S = 0.1
+"""s after the ramp within which the output must be zero: the latency of a slow link"""
 Pair = tuple[float, float]
 Record = Callable[[Sample, Pair, float, Sample], None]
 """Records a period, given its first sample, the voltages sent (V), the lateness of this sample (s)
@@ -69,7 +78,7 @@ class RampDown:
     """Result of a ramp to zero: whether it finished, and what cut it short."""
 
     finished: bool
-    """True if the last command was zero volts and the device carried it out"""
+    """True if the last command was zero volts and the device carried it out: its output is zero"""
     reason: str = ""
     """Why the ramp was not finished"""
     stopped: bool = False
@@ -155,17 +164,21 @@ def ramp_to_zero(
     skipped = 0
     tripped = requested = None
     hurried = False
-    fall_steps = round(FALL_S / exchange.dt)
+    fall_steps, zero_steps = round(FALL_S / exchange.dt), round(ZERO_S / exchange.dt)
     try:
-        while ramp.left > 0 or (
-            supervision is not None
-            and not hurried
-            and ramp.left > -fall_steps
-            and supervision.awaits_fall()
+        while (
+            ramp.left > 0
+            or (ramp.left > -zero_steps and not _is_zero(sample, motor))
+            or (
+                supervision is not None
+                and not hurried
+                and ramp.left > -fall_steps
+                and supervision.awaits_fall()
+            )
         ):
             if (reason := at_once()) is not None:
                 exchange.stop(reason)
-                return RampDown(False, reason, stopped=True)
+                return RampDown(False, Trip.first(tripped, reason) or reason, stopped=True)
             if supervision is not None:
                 requested = requested or supervision.reason_to_shorten()
                 if not hurried and (requested is not None or tripped is not None):
@@ -184,10 +197,30 @@ def ramp_to_zero(
         reason = f"the ramp to zero failed: {what}"
         exchange.stop(reason)
         return RampDown(False, reason, error=problem)
-    device_stop = explain(flags & STOPPED & ~known, exchange.device_cause)
+    device_stop = exchange.explain(flags & STOPPED & ~known)
+    if not _is_zero(sample, motor):
+        still_on = _still_on(sample)
+        exchange.stop(still_on)
+        return RampDown(False, Trip.first(device_stop, tripped, still_on) or "", stopped=True)
     if device_stop is not None:
         return RampDown(False, device_stop, stopped=True)
     return RampDown(True, ramped=start != (0.0, 0.0), tripped=tripped, requested=requested)
+
+
+def _is_zero(sample: Sample, motor: Motor) -> bool:
+    """Return False if the device reports an output voltage; True also if it does not measure it."""
+    volts = motor_voltage(sample, (0.0, 0.0))
+    return max(map(abs, volts)) <= ZERO * motor.hover_V
+
+
+def _still_on(sample: Sample) -> Trip:
+    front, back = sample.v_applied
+    return Trip(
+        f"after the ramp to zero the device still reported an output of {front:.2f} and {back:.2f} "
+        "V, so it was stopped",
+        "the amplifier ignores the commands, or its samples are old.",
+        "press the amplifier's button if a rotor still turns; then heli3dof doctor",
+    )
 
 
 class GuardedRecorder:

@@ -7,6 +7,7 @@ from time import monotonic
 
 from heli3dof.experiment.control_loop.echo_latency import EchoMeter
 from heli3dof.experiment.control_loop.outcome import Tally
+from heli3dof.experiment.control_loop.stop_reasons import explain
 from heli3dof.experiment.control_loop.timekeeping import timekeeper
 from heli3dof.rig.interface import Command, Rig, Sample, device_cause
 from heli3dof.rig.sample_check import check_sample, unusable_sample
@@ -33,6 +34,8 @@ class RigExchange:
         """Periods skipped before the last sample: by the host, the line or the device"""
         self.device_skipped = 0
         """How many of the ``skipped`` periods have no sample because the device made none"""
+        self._longest_s = 0.0
+        """Longest time from sending a command to the return of a sample, in s"""
         self.unreadable: Trip | None = None
         """Why the last sample could not be used (`exchange` returned the previous one), or None"""
 
@@ -56,6 +59,7 @@ class RigExchange:
         command = Command(self.sequence, voltage[0], voltage[1])
         sent_s = monotonic()
         sample = self._rig.exchange(command, due)
+        self._longest_s = max(self._longest_s, monotonic() - sent_s)
         self.unreadable = unusable_sample(sample)
         if self.unreadable is not None:
             sample = replace(
@@ -69,6 +73,10 @@ class RigExchange:
         turnaround = sent_s - measured.host_time_s
         self._tally.count(time.lateness, turnaround, missed, lost, self.device_skipped)
         return sample
+
+    def explain(self, flags: int) -> Trip | None:
+        """Return what stopped the device, by the ``flags`` of its samples; None if nothing did."""
+        return explain(flags, self.device_cause, self._longest_s)
 
     @property
     def device_cause(self) -> str | None:

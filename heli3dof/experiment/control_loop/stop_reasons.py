@@ -13,8 +13,8 @@ BY_FLAG = {
     ),
     Flags.LATCHED: Trip(
         "the device's watchdog expired: no command reached it in time",
-        "this program was held up or suspended, or the line was cut for longer than the "
-        "watchdog's time.",
+        "the device or the line was too slow or cut, or this program was held up or suspended, for "
+        "longer than the watchdog's time.",
         "heli3dof doctor: see scheduling and loss",
     ),
     Flags.FAULT: Trip(
@@ -67,12 +67,19 @@ BY_CAUSE = {
 """Cause that the device states → likely cause and fix, if more specific than those in `BY_FLAG`"""
 
 
-def explain(flags: int, device_cause: str | None = None) -> Trip | None:
+def explain(
+    flags: int, device_cause: str | None = None, longest_exchange_s: float | None = None
+) -> Trip | None:
     """Return what stopped the device, with likely cause and fix; None if nothing did.
 
     ``flags``: the flags of a sample; ``device_cause``: the cause that the device states.
+    ``longest_exchange_s``: longest time from sending a command to the sample's return, in s. A
+    watchdog's report states it: a slow device makes this time long.
     """
     seen = Trip.first(*(trip for flag, trip in BY_FLAG.items() if flags & flag))
+    if seen is not None and flags & Flags.LATCHED and longest_exchange_s is not None:
+        exchange = f"the longest exchange with the device took {1e3 * longest_exchange_s:.0f} ms"
+        seen = Trip(f"{seen} ({exchange})", seen.cause, seen.fix)
     if seen is None or device_cause is None:
         return seen
     cause, fix = BY_CAUSE.get(device_cause, (seen.cause, seen.fix))

@@ -49,12 +49,7 @@ class EncoderJump(SafetyMonitor):
             return None
         self._still = self._still + 1 + now.skipped if dt == 0 else 0
         if self._still * self._dt > CLOCK_S:
-            return Trip(
-                f"the device's time stayed at {t:.3f} s for {self._still * self._dt:.2g} s",
-                "its program hangs and repeats one sample, or its driver does not set "
-                "device_time_s.",
-                "python -m heli3dof.rig.conformance URL, which examines a driver",
-            )
+            return stopped_clock(t, self._still * self._dt)
         if dt < 0:
             return Trip(
                 f"the device's time ran backwards: by {-1e3 * dt:.1f} ms from one sample to the "
@@ -69,6 +64,15 @@ class EncoderJump(SafetyMonitor):
             if abs(moved) > limit:
                 return _jump(i, moved, limit, dt)
         return None
+
+
+def stopped_clock(t: float, still_s: float) -> Trip:
+    """Return the report on a device whose time stayed at ``t`` for ``still_s`` (both in s)."""
+    return Trip(
+        f"the device's time stayed at {t:.3f} s for {still_s:.2g} s",
+        "its program hangs and repeats one sample, or its driver does not set device_time_s.",
+        "python -m heli3dof.rig.conformance URL, which examines a driver",
+    )
 
 
 def _jump(axis: int, moved: int, limit: float, dt: float) -> Trip:

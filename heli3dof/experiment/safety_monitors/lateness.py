@@ -7,7 +7,8 @@ host missed or the line lost just before a late sample count as late samples, to
 A busy host delays some commands, a slow link or device delays all of them. So the report names the
 link or the device as the cause if the 10 % quantile of the last command-to-echo latencies exceeds
 `SLOW_PERIODS` control periods. It uses the last ``late_max_share`` · 1 s of latencies: a link that
-becomes slow in flight ends the flight after this time.
+becomes slow in flight ends the flight after this time. So a latency counts once for its period, and
+once for each period skipped before.
 """
 
 from __future__ import annotations
@@ -45,8 +46,9 @@ class Lateness(SafetyMonitor):
 
     def __call__(self, now: Period) -> str | None:
         if now.echo_s:
-            self._echo_s[self._echoes % len(self._echo_s)] = now.echo_s
-            self._echoes += 1
+            for _ in range(1 + min(now.skipped, len(self._echo_s))):
+                self._echo_s[self._echoes % len(self._echo_s)] = now.echo_s
+                self._echoes += 1
         late = now.lateness > self._late_s
         if not late and not self._late:
             return None

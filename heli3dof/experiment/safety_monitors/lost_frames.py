@@ -3,13 +3,18 @@
 The monitor ends the flight if one of these states lasts longer than ``lost_max_s`` (s):
 
 - The host waits, but no sample comes: the link lost a sample, or a busy device made none.
-- Samples come, but echo no new command.
+- Samples come, but echo no new command. If the device's time also stands still, the device repeats
+  one sample.
+
+An echo of a command that this flight did not send ends it at once, because then no echo can be
+trusted. Until the first command arrives, the device may echo the last command of an earlier flight.
 """
 
 from __future__ import annotations
 
 from heli3dof.experiment.control_loop.control_period import Period
 from heli3dof.experiment.safety_monitors import SafetyMonitor
+from heli3dof.experiment.safety_monitors.encoder_jump import stopped_clock
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
@@ -27,8 +32,11 @@ class LostFrames(SafetyMonitor):
     def __init__(self, profile: Profile) -> None:
         self._dt = profile.dt
         self._most = profile.limits.lost_max_s / profile.dt
+        self._first_echo: int | None = None
         self._echo = 0
         self._unacknowledged = 0
+        self._echoed_t = 0.0
+        """t of the first sample with the present echo"""
 
     def __call__(self, now: Period) -> str | None:
         # Periods that the host itself missed are no loss on the line.
@@ -41,16 +49,31 @@ class LostFrames(SafetyMonitor):
                 return Trip(what, DEVICE_CAUSE, DEVICE_FIX)
             return Trip(f"{gap}: the line loses frames", LINE_CAUSE, LINE_FIX)
         echo = now.sample.sequence
+        if self._first_echo is None:
+            self._first_echo = echo
+        if not 0 <= echo <= now.command_sequence and echo != self._first_echo:
+            return Trip(
+                f"the device acknowledged command {echo}, which was never sent (the last one was "
+                f"{now.command_sequence})",
+                "another program commands the device, or the device or its driver reads the "
+                "numbers of commands wrongly.",
+                "end the other program; python -m heli3dof.rig.conformance URL examines the driver",
+            )
         if echo == now.command_sequence or echo != self._echo:
             self._unacknowledged = 0
+            self._echoed_t = now.t
         else:
             self._unacknowledged += 1
         self._echo = echo
         if self._unacknowledged > self._most:
+            if now.t == self._echoed_t:
+                return stopped_clock(now.t, self._unacknowledged * self._dt)
             return Trip(
                 f"the device acknowledged none of the last {self._unacknowledged} commands "
-                f"({1e3 * self._unacknowledged * self._dt:.0f} ms): the line loses frames",
-                LINE_CAUSE,
+                f"({1e3 * self._unacknowledged * self._dt:.0f} ms): the line loses frames, or the "
+                "device ignores commands",
+                f"{LINE_CAUSE[:-1]}; or a device that hangs, or whose driver does not report the "
+                "executed command's number.",
                 LINE_FIX,
             )
         return None

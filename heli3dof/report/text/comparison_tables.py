@@ -94,14 +94,14 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of step metrics, with a row per reference segment of each axis.
+    """Return a table of step metrics, with a row per reference segment of each axis in ``metrics``.
 
     Notes explain the steady error, and a settling time that is undefined.
     """
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
-        for axis in AXES
-        for step in metrics[axis].steps
+        for axis, of_axis in metrics.items()
+        for step in of_axis.steps
         if step.kind != "none"
     ]
     notes = ["error: angle minus set value, mean over the last tenth of the step."] * bool(rows)

@@ -232,6 +232,36 @@ def test_disarming_by_another_program_ends_the_run(stream: bool):
         send(rig, 1)
 
 
+@MODES
+@pytest.mark.parametrize("damage", ["malformed", "rejected"])
+def test_a_device_without_valid_samples_is_not_taken_for_another_programs(
+    stream: bool, damage: str
+):
+    rig, line = open_direct(stream=stream)
+    rig.arm()
+    echoed(rig, 1)
+
+    def spoil(data: bytes) -> bytes:
+        out = b""
+        for piece in data.split(b"\0")[:-1]:
+            frame = parse(piece)
+            if not isinstance(frame, SampleFrame):
+                out += piece + b"\0"
+            elif damage == "malformed":
+                out += piece[:-3] + b"\0"
+            else:
+                out += wire(replace(frame, echo=77))
+        return out
+
+    line.to_host = spoil
+    with pytest.raises(
+        DeviceError, match=rf"no valid sample for .*\b[1-9][0-9]* {damage}"
+    ) as caught:
+        send(rig, 2)
+    assert "the watchdog stopped the motors" in caught.value.what
+    assert "repeats old samples or damages frames" in caught.value.cause
+
+
 def test_the_flags_of_a_stopped_device_are_read_after_its_stream_ended():
     rig, line = open_direct()
     rig.arm()

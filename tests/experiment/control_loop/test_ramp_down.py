@@ -16,14 +16,16 @@ from heli3dof.model.control.controller import Controller
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.row import RAMP_DOWN, Row
 from heli3dof.rig.drivers import open_driver
-from heli3dof.rig.interface import Command, Flags
+from heli3dof.rig.interface import Command, Flags, Sample
 from heli3dof.rig.profile import Motor
+from heli3dof.rig.trip import Trip
 from tests.experiment.control_loop.test_loop import (
     DT,
     PROFILE,
     ROLL_UP_ONE_DEGREE,
     ScriptedRig,
     ends_at_zero,
+    flown,
 )
 
 MOTOR = PROFILE.motor
@@ -181,6 +183,53 @@ def highest_after_the_trip_deg(device: str) -> float:
     at_trip = next(deg for deg, row in zip(seen, sink.rows, strict=True) if row.phase == RAMP_DOWN)
     assert np.degrees(roll[-1]) == pytest.approx(-27.5, abs=0.1)
     return max(*seen, *np.degrees(roll)) - at_trip
+
+
+def test_a_device_that_puts_out_volts_after_the_ramp_is_stopped() -> None:
+    def hot(k: int, sample: Sample) -> Sample:
+        return replace(sample, v_applied=(2.05, 1.87))
+
+    rig, landing = ScriptedRig(hot), round(PROFILE.limits.landing_s / DT)
+    outcome, _ = flown(rig)
+    assert (outcome.ending, outcome.landed) == ("tripped", False)
+    assert "the device still reported an output of 2.05 and 1.87 V" in outcome.detail
+    assert outcome.advice()["fix"].startswith("press the amplifier's button")
+    assert len(rig.stopped) == 1
+    assert len(rig.commands) == 100 + landing + 50, "0.1 s for a slow link"
+
+
+def test_a_trip_with_an_output_that_stays_on_states_both() -> None:
+    def hot(k: int, sample: Sample) -> Sample:
+        return replace(sample, v_applied=(2.05, 1.87))
+
+    rig = ScriptedRig(hot)
+    outcome, _ = flown(rig, monitors=(lambda now: Trip("why") if now.k == 50 else None,))
+    assert outcome.ending == "tripped"
+    assert outcome.detail.startswith(
+        "why; after the ramp to zero the device still reported an output of"
+    )
+    assert rig.stopped
+
+
+@pytest.mark.parametrize("volts", [(0.5, -0.5), (np.nan, np.nan), (np.inf, 0.0)], ids=str)
+def test_a_small_or_unmeasured_output_after_the_ramp_is_zero(volts: tuple[float, float]) -> None:
+    rig = ScriptedRig(lambda k, sample: replace(sample, v_applied=volts))
+    outcome, _ = flown(rig)
+    assert (outcome.ending, rig.stopped) == ("completed", [])
+
+
+def test_an_output_that_reaches_zero_late_is_zero() -> None:
+    """The output follows the commands 30 periods later."""
+    rig = ScriptedRig()
+
+    def late(k: int, sample: Sample) -> Sample:
+        past = rig.commands[-31] if k > 30 else None
+        return replace(sample, v_applied=(past.v_front, past.v_back) if past else (0.0, 0.0))
+
+    rig.script = late
+    short = PROFILE.model_copy(update={"limits": LIMITS.model_copy(update={"landing_s": 0.02})})
+    outcome, _ = flown(rig, profile=short)
+    assert (outcome.ending, rig.stopped) == ("completed", [])
 
 
 def test_a_wrong_roll_sign_does_not_throw_the_arm() -> None:

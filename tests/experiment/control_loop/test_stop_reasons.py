@@ -60,7 +60,17 @@ def test_the_reports_of_monitor_and_device_are_joined() -> None:
         ScriptedRig(flagged(Flags.LATCHED, 40)),
         monitors=[lambda now: "the computer slept for 3 s" if now.k == 40 else None],
     )
-    assert outcome.detail.endswith("in time; the computer slept for 3 s")
+    assert outcome.detail.startswith("the device's watchdog expired")
+    assert outcome.detail.endswith("; the computer slept for 3 s")
+
+
+def test_a_watchdogs_report_states_the_longest_exchange_and_names_a_slow_device() -> None:
+    trip = explain(int(Flags.LATCHED), None, 0.101)
+    assert trip is not None
+    assert "the longest exchange with the device took 101 ms" in trip
+    assert trip.cause.startswith("the device or the line was too slow")
+    outcome, _ = flown(ScriptedRig(flagged(Flags.LATCHED, 40)))
+    assert "the longest exchange with the device took" in outcome.detail
 
 
 def test_monitors_judge_before_the_envelope() -> None:

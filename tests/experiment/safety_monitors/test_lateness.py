@@ -60,6 +60,16 @@ def test_a_line_that_becomes_slow_in_flight_is_reported_as_slow() -> None:
     assert "the line or the device is slow" in report.cause
 
 
+def test_a_device_that_answers_every_command_late_is_reported_as_slow() -> None:
+    """It takes 12 periods for each sample, so few samples come before the flight ends."""
+    monitor = Lateness(PROFILE)
+    assert all(monitor(period(k, echo_s=DT)) is None for k in range(3000))
+    slow = (period(k, lateness=0.022, skipped=11, echo_s=0.024) for k in range(3012, 5000, 12))
+    report = next(filter(None, map(monitor, slow)))
+    assert isinstance(report, Trip)
+    assert "the line or the device is slow" in report.cause
+
+
 def test_a_busy_host_with_some_quick_periods_is_reported_as_busy() -> None:
     monitor = Lateness(PROFILE)
     rows = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from heli3dof.experiment.safety_monitors.lost_frames import LostFrames
+from heli3dof.rig.trip import Trip
 from tests.experiment.safety_monitors.periods import DT, PROFILE, period
 
 
@@ -38,3 +39,34 @@ def test_commands_without_an_echo_for_longer_than_the_limit_are_lost() -> None:
 def test_a_line_that_loses_nine_commands_of_ten_is_not_reported() -> None:
     monitor = LostFrames(PROFILE)
     assert all(monitor(period(k, sequence=k - k % 10)) is None for k in range(5000))
+
+
+def test_an_echo_of_a_command_that_was_never_sent_is_reported_at_once() -> None:
+    monitor = LostFrames(PROFILE)
+    assert monitor(period(0)) is None
+    report = monitor(period(1, sequence=101))
+    assert report is not None
+    assert "acknowledged command 101, which was never sent (the last one was 1)" in report
+
+
+def test_the_echo_of_an_earlier_flight_is_no_error_until_a_command_arrives() -> None:
+    monitor = LostFrames(PROFILE)
+    assert all(monitor(period(k, sequence=6000)) is None for k in range(10))
+    assert all(monitor(period(k)) is None for k in range(10, 100))
+
+
+def test_a_device_that_repeats_one_sample_is_not_taken_for_a_bad_line() -> None:
+    monitor = LostFrames(PROFILE)
+    for k in range(10):
+        assert monitor(period(k)) is None
+    repeated = (period(k, sequence=9, t=9 * DT) for k in range(10, 100))
+    report = next(filter(None, map(monitor, repeated)))
+    assert "the device's time stayed at 0.018 s" in report
+    assert isinstance(report, Trip)
+    assert "repeats one sample" in report.cause
+
+
+def test_a_device_that_acknowledges_nothing_may_also_ignore_the_commands() -> None:
+    monitor = LostFrames(PROFILE)
+    report = next(filter(None, (monitor(period(k, sequence=0)) for k in range(100))))
+    assert "the line loses frames, or the device ignores commands" in report

@@ -153,3 +153,8 @@ def test_the_widest_table_fits_a_terminal_of_80_columns(compared: FlightComparis
 def test_a_step_is_named_by_its_values_and_time(compared: FlightComparison) -> None:
     assert step_name(compared.experiment["roll"].reported) == "0 → 10° at 0 s"
     assert step_name(compared.experiment["yaw"].reported) == "held at 0° from 0 s"
+
+
+def test_a_recording_without_metrics_has_an_empty_table() -> None:
+    """`heli3dof info` computes none if the time does not increase."""
+    assert metrics_of({}, "Steps").rows == []
