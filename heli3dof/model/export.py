@@ -11,7 +11,7 @@ from heli3dof.recording.logs import export as recordings
 from heli3dof.recording.recording import Recording
 
 
-def export(recording: Recording | Model, path: str | Path, *, force: bool = False) -> Path:
+def export(source: Recording | Model, path: str | Path, *, force: bool = False) -> Path:
     """Write a recording or a model in the format of the file's ending, and return the path.
 
     A recording becomes a table (``.csv``, ``.csv.gz``, ``.mat``, ``.parquet``) or a viewer's file
@@ -20,10 +20,10 @@ def export(recording: Recording | Model, path: str | Path, *, force: bool = Fals
     Raises OutputExists (without ``force``), UsageError (unknown ending; the library for Parquet or
     Rerun is not installed), NoSpace, or CheckFailed if a nonlinear model cannot hover level.
     """
-    if isinstance(recording, Recording):
-        return recordings.export(recording, path, force=force)
+    if isinstance(source, Recording):
+        return recordings.export(source, path, force=force)
     check_model_format(Path(path))
-    return save_mat(recording, path, force=force)
+    return save_mat(source, path, force=force)
 
 
 def check_model_format(path: Path, source: Path = Path("MODEL.json")) -> None:

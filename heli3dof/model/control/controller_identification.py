@@ -9,6 +9,10 @@ Without noise, the residual e is zero except in rows in which the controller is 
 rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such rows hardly affect. A
 row is left out if it, or one of the n rows before it, is at the voltage limit.
 
+If n is larger than the controller's order, the law has superfluous modes, which B and R cancel. A
+mode z_i > 1 would grow in a simulated flight. So modes outside the unit circle are moved onto it
+(`stable_past`), and B, R and c are estimated again with this A.
+
 The unexplained **share** of a law (`model.control.unexplained_share`) is σ_e/std(Δu), with
 Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. The
 orders `ORDERS` are tried until a share is at most `ALIKE`. Let s be the smallest share of the tried
@@ -91,6 +95,11 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     if len(k) < ROWS_PER_PARAMETER * X.shape[1]:
         return None
     theta = least_absolute_deviations(X, u[k])
+    past = theta[: 2 * n]
+    stable = stable_past(past)
+    if stable is not past:
+        rest = least_absolute_deviations(X[:, 2 * n :], u[k] - X[:, : 2 * n] @ stable)
+        theta = np.vstack([stable, rest])
     t = r.t[k] - r.t[k[0]]
     share = unexplained_share(t, u[k] - X @ theta, u[k] - u[k - 1], _robust_std)
     if share is None:
@@ -98,6 +107,27 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     A = np.array([theta[2 * j : 2 * j + 2].T for j in range(n)])
     B = np.array([theta[2 * n + 3 * j : 2 * n + 3 * j + 3].T for j in range(n + 1)])
     return LinearController(A, B, share)
+
+
+def stable_past(past: np.ndarray) -> np.ndarray:
+    """Return A (2 n, 2), the weights of the past voltages, without modes outside the unit circle.
+
+    ``past`` contains A_1ᵀ … A_nᵀ, one below the other. A mode z_i has Σ_j A_j z_i^{−j} w_i = w_i
+    with the voltages w_i (2,). A mode with |z_i| > 1 becomes z_i/|z_i|, with the same w_i.
+
+    >>> stable_past(np.diag([1.2, 0.5])).round(3).tolist()
+    [[1.0, 0.0], [0.0, 0.5]]
+    """
+    n = len(past) // 2
+    companion = np.eye(2 * n, k=-2)
+    companion[:2] = past.T
+    z, W = np.linalg.eig(companion)
+    if (np.abs(z) <= 1).all():
+        return past
+    z = z / np.maximum(np.abs(z), 1)
+    w = W[-2:]
+    powers = np.vstack([w * z ** (n - j) for j in range(1, n + 1)])
+    return np.asarray(np.linalg.solve(powers.T, (w * z**n).T).real)
 
 
 def _robust_std(t: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -12,7 +12,8 @@ from heli3dof.identification.bias_correction.simulated_flight import simulated_f
 from heli3dof.model.control import controller_identification as module
 from heli3dof.model.control import unexplained_share
 from heli3dof.model.control.controller import derivative_filter
-from heli3dof.model.control.controller_identification import identified_controller
+from heli3dof.model.control.controller_identification import identified_controller, law_of_order
+from heli3dof.model.control.loop_task import under_control
 from heli3dof.model.control.voltage_replay import controller_is_known, with_known_controller
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording import linear_controller
@@ -49,6 +50,17 @@ def test_the_gains_on_the_angles_are_those_of_the_controller(steps: Recording) -
     assert law.share < 0.01
     assert len(law.A) == 3
     assert law.B[0] == pytest.approx(-(K[:, :3] + b0 * K[:, 3:6]), rel=0.01)
+
+
+def test_superfluous_modes_of_a_law_do_not_grow(steps: Recording) -> None:
+    """An order above the controller's adds modes that the voltages do not determine."""
+    for order in (4, 5, 6):
+        law = law_of_order(under_control(steps), order)
+        assert law is not None
+        assert law.share < 0.01
+        companion = np.eye(2 * order, k=-2)
+        companion[:2] = np.hstack(list(law.A))
+        assert np.abs(np.linalg.eigvals(companion)).max() < 1 + 1e-6
 
 
 def test_with_the_recorded_angles_the_law_has_the_recorded_voltages(steps: Recording) -> None:
