@@ -63,6 +63,7 @@ SABOTAGE = {
     "late_ticks": "late",
     "full_disk": "disk",
     "laptop_suspend": "sleep",
+    "amplifier_output": "amplifier",
 }
 CLOSED_LOOP_ONLY = {"exception", "nan", "envelope", "limit"}
 """Sabotage without effect in the ramp, which uses neither controller nor envelope"""
@@ -87,7 +88,10 @@ NEED_A_PROCESS = {
     "lost_frames", "late_ticks", "second_process",
 }  # fmt: skip
 """Rows that the emulated rig shows behind a pseudo-terminal, in real time"""
-NOTICED = {"frozen_encoder", "late_ticks", "lost_frames", "saturated_for_too_long", "full_disk"}
+NOTICED = {
+    "frozen_encoder", "late_ticks", "lost_frames", "saturated_for_too_long", "full_disk",
+    "amplifier_output",
+}  # fmt: skip
 """Rows whose time counts from detection by the loop. The loop detects an angle beyond the envelope
 in the sample that shows it, so that time counts from the event"""
 RULE_S = {"saturated_for_too_long": 0.3, "late_ticks": 0.7, "lost_frames": 0.3}

@@ -22,14 +22,16 @@ from heli3dof.errors import NoSpace
 from heli3dof.experiment import fly
 from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.experiment.safety_monitors import FlightMonitors, host_suspend, monitors_for
+from heli3dof.experiment.safety_monitors.amplifier_output import AmplifierOutput
 from heli3dof.model.control.loop_opening import OpenedController
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.mcap_writer import McapFile
 from heli3dof.recording.row import Row
 from heli3dof.rig.envelope import Envelope
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
-KINDS = ("none", "exception", "nan", "limit", "envelope", "late", "disk", "sleep")
+KINDS = ("none", "exception", "nan", "limit", "envelope", "late", "disk", "sleep", "amplifier")
 LATE_S = 0.04
 """s by which every period is late: two thirds of the periods of such a flight are late"""
 SLEPT_S = 600.0
@@ -63,6 +65,8 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
         _fill_disk(on, stamp, put)
     elif kind == "sleep":
         _sleep(on, halt, put)
+    elif kind == "amplifier":
+        _lose_enabled(on, put)
     elif kind != "none":
         raise ValueError(f"no sabotage {kind!r}: {KINDS}")
 
@@ -121,6 +125,19 @@ def _narrow_envelope(on: Due, put: Put) -> None:
 
     put(Envelope, "__init__", remembered)
     put(Envelope, "check", narrowed)
+
+
+def _lose_enabled(on: Due, put: Put) -> None:
+    """Show the monitor of the amplifier samples without the flag ENABLED."""
+    judge = AmplifierOutput.__call__
+
+    def judged(self: AmplifierOutput, now: Period) -> str | None:
+        if on():
+            off = replace(now.sample, flags=now.sample.flags & ~Flags.ENABLED)
+            now = now._replace(sample=off)
+        return judge(self, now)
+
+    put(AmplifierOutput, "__call__", judged)
 
 
 def _each_period(what: Callable[[], object], put: Put) -> None:
