@@ -61,16 +61,16 @@ def fitted_cause(candidate: CandidateFit) -> Probe:
 
 
 def typical_cause(name: str) -> Probe:
-    """Return the term ``name`` with its first parameter at the start value.
+    """Return the term ``name`` with its first parameter at the start value of a fit.
 
-    Without a start value, the parameter has its typical size. This is negative if the upper bound
-    excludes a positive size.
+    If that is the value without the effect, the parameter differs from it by its typical size. The
+    difference is negative if the upper bound excludes a positive one.
     """
     t = term(name)
     first, *rest = t.effect.parameters
-    size = first.typical if first.null + first.typical < first.high else -first.typical
-    size = size if first.log else first.null + size
-    size = size if first.start is None else first.start
+    size = first.start
+    if size == first.null:
+        size += first.typical if size + first.typical < first.high else -first.typical
     return Probe(t, (size, *(p.typical for p in rest)))
 
 

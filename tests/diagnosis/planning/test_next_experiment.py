@@ -15,7 +15,7 @@ from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
 from heli3dof.diagnosis.result import Diagnosis, Dropped, NextExperiment, PlanForecast
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
-from heli3dof.diagnosis.search.catalogue import Probe
+from heli3dof.diagnosis.search.catalogue import Probe, candidates
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
@@ -36,6 +36,14 @@ def base() -> Estimate:
 
 def test_the_doctests_pass() -> None:
     assert doctest.testmod(module).failed == 0
+
+
+def test_a_typical_cause_has_an_effect() -> None:
+    assert typical_cause("friction.coulomb.yaw").values == (0.02,)
+    assert typical_cause("motor.dead_zone").values == (0.3,)  # where its fit starts
+    for t in candidates():
+        first = t.effect.parameters[0]
+        assert typical_cause(t.name).values[0] != first.null, t.name
 
 
 @pytest.mark.accuracy
