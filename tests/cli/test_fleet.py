@@ -47,6 +47,21 @@ def test_json_is_one_document(term: Path) -> None:
     assert len(done.document["rigs"]) == 5
 
 
+def test_a_single_bad_recording_is_named(tmp_path: Path) -> None:
+    bad = {"rig-01-03": "{} is torn: it ends after 20 bytes.", "rig-02-05": "{} has no yaw.",
+           "rig-03-07": "{} has no yaw."}  # fmt: skip
+    rows = [
+        {**r, "exit_code": 5, "error": bad[r["name"]].format(r["recording"])}
+        if r["name"] in bad else r
+        for r in term_rows() if not r["error"] and not r["faults"]
+    ]  # fmt: skip
+    write_results(tmp_path, rows)
+    assert (
+        "3 of 118 recordings are not used: exit code 5: it has no yaw (2); "
+        "exit code 5: term/rig-01-03.mcap is torn: it ends after 20 bytes."
+    ) in heli3dof("fleet", tmp_path).out
+
+
 def test_quiet_prints_nothing(term: Path) -> None:
     done = heli3dof("fleet", term, "--quiet")
     assert (done.code, done.out, done.err) == (0, "", "")
