@@ -9,7 +9,7 @@ import pytest
 from heli3dof.fleet.analyse import analyse
 from heli3dof.report.text.fleet_tables import rig_table
 from tests.cli.running import heli3dof
-from tests.fleet.making import term_rows, write_results
+from tests.fleet.making import QUANTITIES, term_rows, write_results
 
 
 @pytest.fixture(scope="module")
@@ -120,3 +120,16 @@ def test_the_table_of_batch_run_is_refused_with_the_one_that_is_needed(tmp_path:
     done = heli3dof("fleet", tmp_path)
     assert done.code == 5
     assert "the table of batch identify is needed" in done.err
+
+
+def test_the_table_of_batch_info_is_refused_with_the_one_that_is_needed(tmp_path: Path) -> None:
+    """Its only quantities describe the recordings, not the rigs."""
+    rows = [{**{k: v for k, v in r.items() if k not in QUANTITIES}, "roll_start_deg": -27.5,
+             "roll_start_deg_std": 0.03} for r in term_rows()]  # fmt: skip
+    write_results(
+        tmp_path, [{k: v for k, v in r.items() if k[:-4] not in QUANTITIES} for r in rows]
+    )
+    done = heli3dof("fleet", tmp_path)
+    assert done.code == 5
+    assert "the batch ran another verb, such as info" in done.err
+    assert "Try: heli3dof batch identify" in done.err
