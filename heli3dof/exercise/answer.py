@@ -131,10 +131,15 @@ def make_answer(
     for file, document in documents.items():
         flown = document.get("about", {}).get("exercises", [])
         if set(flown) != {exercise.id}:
+            other = flown[0] if len(set(flown)) == 1 else None
             raise UsageError(
                 f"{file} is not a diagnosis of exercise {exercise.id} alone.",
-                cause="its recordings were flown on another rig, or converted from another format.",
-                fix="diagnose recordings of heli3dof run --device 'mock:?exercise=FILE'",
+                cause="its recordings were flown on another rig, or converted from another format."
+                if other is None
+                else f"it is a diagnosis of exercise {other}.",
+                fix="diagnose recordings of heli3dof run --device 'mock:?exercise=FILE'"
+                if other is None
+                else f"--exercise with the sealed file of exercise {other}",
             )
         flown_on += flown
         try:

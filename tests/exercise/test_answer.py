@@ -53,9 +53,16 @@ def test_an_unmodelled_torque_has_no_size() -> None:
 
 def test_a_diagnosis_of_another_rig_is_refused() -> None:
     other = exercise_that(KEY, 1, count=1)
-    for document in (diagnosis(other), diagnosis(EXERCISE, about={})):
-        with pytest.raises(UsageError, match=f"not a diagnosis of exercise {EXERCISE.id} alone"):
+    both = {"exercises": [EXERCISE.id, other.id]}
+    for document, fix in (
+        (diagnosis(other), f"--exercise with the sealed file of exercise {other.id}"),
+        (diagnosis(EXERCISE, about={}), "diagnose recordings of heli3dof run"),
+        (diagnosis(EXERCISE, about=both), "diagnose recordings of heli3dof run"),
+    ):
+        what = f"not a diagnosis of exercise {EXERCISE.id} alone"
+        with pytest.raises(UsageError, match=what) as caught:
             make_answer("Ada", EXERCISE, (), {"d.json": document})
+        assert fix in str(caught.value.fix)
 
 
 def test_an_incomplete_diagnosis_is_refused() -> None:
