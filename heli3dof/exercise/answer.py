@@ -215,7 +215,7 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(
-            f"{len(confidence)} confidences for {len(texts)} causes.",
+            f"Number of confidences: {len(confidence)}; of causes: {len(texts)}.",
             cause="each --cause needs its own --confidence, or one holds for all.",
             fix="--cause NAME=VALUE±HALF --confidence 0.9 for each cause",
         )

@@ -112,9 +112,9 @@ def test_contradictory_statements_are_an_error(texts: list[str], what: str) -> N
 
 
 def test_the_number_of_confidences_must_match() -> None:
-    with pytest.raises(UsageError, match="2 confidences for 1 causes"):
+    with pytest.raises(UsageError, match="confidences: 2; of causes: 1"):
         statements(["none"], [0.1, 0.2])
-    with pytest.raises(UsageError, match="1 confidences for 0 causes"):
+    with pytest.raises(UsageError, match="confidences: 1; of causes: 0"):
         statements([], [0.1])
 
 
