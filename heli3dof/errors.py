@@ -20,6 +20,7 @@ The command line prints what happened and, where known, the likely cause and the
 from __future__ import annotations
 
 import difflib
+import re
 import shlex
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -116,6 +117,15 @@ def quoted(word: object) -> str:
     ("'rig 1.mcap'", 'rig-1.mcap')
     """
     return shlex.quote(str(word))
+
+
+def minus(text: str) -> str:
+    """Return a text for people, not a command, with a true minus sign before each negative number.
+
+    >>> minus("roll -27.5° to +3.1°, front  -.5 V, step-10.mcap, 1e-05")
+    'roll −27.5° to +3.1°, front  −.5 V, step-10.mcap, 1e−05'
+    """
+    return re.sub(r"(?<![\w./-])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text)
 
 
 def why_missing(path: Path) -> str:

@@ -184,6 +184,7 @@ def _identify(job: Job) -> Document:
     """Identify and save a model; return its ``identify --json`` document, with more keys.
 
     ``faults`` names the integrity checks that found bad data: ``fleet`` leaves out such recordings.
+    ``absent`` names the parameters at the bound that means "no effect".
     ``nominal_hover_voltage_V`` is the hover voltage in the profile, ``hover_voltage_V`` the
     model's (``value`` and ``std``; null for a black box, or if no voltage holds the arm level).
     """
@@ -202,6 +203,7 @@ def _identify(job: Job) -> Document:
         "schema": "heli3dof.identification/1",
         "models": [result.to_dict(str(path))],
         "faults": faults,
+        "absent": [n for n, p in result.found.parameters.items() if p.absent],
         "nominal_hover_voltage_V": job.recording.profile.motor.V_o,
         "hover_voltage_V": _hover_voltage(result.model),
     }
@@ -218,6 +220,10 @@ def _hover_voltage(model: Model) -> dict[str, float] | None:
 def _identify_columns(document: Document) -> Row:
     model = document["models"][0]
     parameters = model.get("parameters", {})
+    # A bound is no estimate: without a standard deviation, `fleet` leaves the value out.
+    estimated = {
+        n: {**p, "std": None} if n in document["absent"] else p for n, p in parameters.items()
+    }
     fits = {
         f"fit_{horizon}_{axis}_percent": fit.get(horizon)
         for axis, fit in (model["fit_percent"] or {}).items()
@@ -230,7 +236,7 @@ def _identify_columns(document: Document) -> Row:
         "order": model["order"],
         "warnings": len(model["warnings"]),
         **thrust_columns(parameters, model.get("correlation"), document.get("hover_voltage_V")),
-        **with_std(parameters),
+        **with_std(estimated),
         **fits,
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -210,18 +211,20 @@ def _hidden_effects(rows: list[dict[str, Any]]) -> Iterator[str]:
 def _table(rows: list[dict[str, Any]]) -> Grid:
     """Return the table of the marks: a row per answer, in order of the students' names.
 
+    If several answers have the same name, their files are named too.
     The column ``exercise`` is omitted if all answers are to one exercise.
     """
     from heli3dof.report.text.table import Grid
 
+    seen = Counter(_same_name(row["name"]) for row in rows if row["reason"] is None)
     several = len({row["exercise"] for row in rows if row["exercise"]}) > 1
     heads = ("answer", "Brier", "RMSE roll/pitch/yaw", "names", "size error", "exercise")
     width = len(heads) if several else len(heads) - 1
     cells = []
-    for row in sorted(rows, key=lambda r: (r["reason"] is not None, r["name"] or r["file"])):
+    for row in sorted(rows, key=_order):
         marked = row["reason"] is None
         each = (
-            row["name"] if marked else row["file"],
+            _answer(row, seen) if marked else row["file"],
             _number(row["brier"]),
             _holdout(row["holdout_rmse_deg"]) if marked else "–",
             _names(row) if marked else f"not marked: {row['reason']}",
@@ -230,6 +233,21 @@ def _table(rows: list[dict[str, Any]]) -> Grid:
         )
         cells.append(each[:width])
     return Grid("Marks", heads[:width], cells, text_columns=1, prose_columns=width - 3)
+
+
+def _order(row: dict[str, Any]) -> tuple[bool, str, str]:
+    return row["reason"] is not None, _same_name(row["name"] or ""), row["file"]
+
+
+def _answer(row: dict[str, Any], seen: Counter[str]) -> str:
+    """Return the student's name, and the answer's file if other answers have the same name."""
+    name = " ".join(row["name"].split())
+    return name if seen[_same_name(name)] == 1 else f"{name}\n({row['file']})"
+
+
+def _same_name(name: str) -> str:
+    """Return what two spellings of a name have in common: all but case and space."""
+    return " ".join(name.split()).casefold()
 
 
 def _names(row: dict[str, Any]) -> str:

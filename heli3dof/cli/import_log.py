@@ -10,7 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.cli.output_encoding import minus
+from heli3dof.errors import minus
 
 if TYPE_CHECKING:
     from rich.table import Table

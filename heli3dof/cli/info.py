@@ -10,7 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Columns, LogProfile, Quiet, Recording, Verbose, log_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.cli.output_encoding import minus
+from heli3dof.errors import minus
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -54,7 +54,7 @@ def info(
     out.show(info_table(about, brief=not verbose))
     _show_steps(out, metrics, most=None if verbose else MOST_STEPS)
     if about["torn"]:
-        out.warn(f"the file is incomplete; recover the rest with: {about['fix']}")
+        out.warn(f"{about['damage']} The table is of the intact part. Try: {about['fix']}")
     steps = {axis: steps_document(m) for axis, m in metrics.items()}
     out.emit({"schema": "heli3dof.info/1", **about, "steps": steps})
 

@@ -115,15 +115,6 @@ def printable(text: str, encoding: str | None) -> str:
     return text.encode(encoding, HANDLER).decode(encoding)
 
 
-def minus(text: str) -> str:
-    """Return the text with a true minus sign before each negative number.
-
-    >>> minus("roll -27.5° to +3.1°, front  -.5 V, step-10.mcap, 1e-05")
-    'roll −27.5° to +3.1°, front  −.5 V, step-10.mcap, 1e−05'
-    """
-    return re.sub(r"(?<![\w./-])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text)
-
-
 def is_ascii_or_utf(text: str, encoding: str | None) -> bool:
     """Return True if ``text`` is ASCII, or ``encoding`` is a UTF (UTF-8, …) and can encode it."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):

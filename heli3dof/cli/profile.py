@@ -10,8 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Force, OutputFile, ProfileFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.cli.output_encoding import minus
-from heli3dof.errors import ProfileError, UnstableLoop, UsageError
+from heli3dof.errors import ProfileError, UnstableLoop, UsageError, minus
 
 if TYPE_CHECKING:
     from heli3dof.model.control.loop_check import LoopCheck

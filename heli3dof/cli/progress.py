@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.cli.output import Output, live_allowed
-from heli3dof.cli.output_encoding import minus, printable
+from heli3dof.cli.output_encoding import printable
 from heli3dof.cli.traces import PER_SECOND, Traces, fits
+from heli3dof.errors import minus
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -32,7 +32,10 @@ def recover(
     out = Output(as_json=as_json, quiet=quiet)
     saved = recover(recording, output, force=force)
     out.show(f"Recovered {saved.samples} samples, {saved.seconds:.2f} s.")
-    if saved.chunks_damaged:
-        out.warn(f"{saved.chunks_damaged} damaged chunks were skipped")
+    if saved.chunks_damaged or saved.bytes_lost:
+        out.warn(
+            f"lost: {saved.chunks_damaged} damaged chunk{'s' * (saved.chunks_damaged != 1)} "
+            f"and {saved.bytes_lost} unreadable bytes"
+        )
     out.note(f"Recording: {saved.path}")
     out.emit({"schema": "heli3dof.recovery/1", **saved.document()})

@@ -23,10 +23,9 @@ from heli3dof.cli.options import (
     rig_profile,
 )
 from heli3dof.cli.output import INTERRUPTED, Output, print_error, stages, verb
-from heli3dof.cli.output_encoding import minus
 from heli3dof.cli.progress import fly_with_progress
 from heli3dof.cli.renamed_options import renamed
-from heli3dof.errors import Heli3dofError, UsageError
+from heli3dof.errors import Heli3dofError, UsageError, minus
 
 if TYPE_CHECKING:
     from heli3dof.diagnosis.planning.run_auto import AutoResult

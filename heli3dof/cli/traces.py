@@ -14,7 +14,8 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from heli3dof.axes import AXES
-from heli3dof.cli.output_encoding import is_ascii_or_utf, minus
+from heli3dof.cli.output_encoding import is_ascii_or_utf
+from heli3dof.errors import minus
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -9,7 +9,7 @@ import typer
 from heli3dof.cli.device_option import AnyDevice, device_or_default
 from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.cli.output_encoding import minus
+from heli3dof.errors import minus
 
 _HELP = "The rig stands at this {} angle now, degrees; default: its rest angle."
 

@@ -131,10 +131,15 @@ def make_answer(
     for file, document in documents.items():
         flown = document.get("about", {}).get("exercises", [])
         if set(flown) != {exercise.id}:
+            other = flown[0] if len(set(flown)) == 1 else None
             raise UsageError(
                 f"{file} is not a diagnosis of exercise {exercise.id} alone.",
-                cause="its recordings were flown on another rig, or converted from another format.",
-                fix="diagnose recordings of heli3dof run --device 'mock:?exercise=FILE'",
+                cause="its recordings were flown on another rig, or converted from another format."
+                if other is None
+                else f"it is a diagnosis of exercise {other}.",
+                fix="diagnose recordings of heli3dof run --device 'mock:?exercise=FILE'"
+                if other is None
+                else f"--exercise with the sealed file of exercise {other}",
             )
         flown_on += flown
         try:
@@ -205,16 +210,32 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
     NAME is an effect, VALUE the value of its first parameter, VALUE ± HALF the 95 % interval.
     ``confidence`` has one value for each text, one value for all, or none. Raises UsageError for an
-    unknown name, a text of another form, or a wrong number of confidences.
+    unknown name, a text of another form, a wrong number of confidences, or contradictory texts: two
+    of the same name, or `NONE` with others.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(
-            f"{len(confidence)} confidences for {len(texts)} causes.",
+            f"Number of confidences: {len(confidence)}; of causes: {len(texts)}.",
             cause="each --cause needs its own --confidence, or one holds for all.",
             fix="--cause NAME=VALUE±HALF --confidence 0.9 for each cause",
         )
     each = [*confidence] if len(confidence) == len(texts) else [*confidence] * len(texts)
-    return [_statement(text, each[i] if each else None) for i, text in enumerate(texts)]
+    claims = [_statement(text, each[i] if each else None) for i, text in enumerate(texts)]
+    names = [claim.name for claim in claims]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise UsageError(
+            f"--cause names {twice} twice.",
+            cause="a typing error, or two values for one effect.",
+            fix="remove one of the two",
+        )
+    if NONE in names and len(names) > 1:
+        raise UsageError(
+            f"--cause {NONE} contradicts the other causes.",
+            cause=f"{NONE} claims that the rig has no hidden effect.",
+            fix=f"give --cause {NONE} alone, or remove it",
+        )
+    return claims
 
 
 def _statement(text: str, confidence: float | None) -> Claim:
@@ -223,12 +244,14 @@ def _statement(text: str, confidence: float | None) -> Claim:
         if match is None:
             raise ValueError
         name, value, half = match[1].strip(), match[2], match[3]
+        if half is not None and float(half) < 0:
+            raise ValueError
         sizes = _sizes(name, value, half)
         return Claim(name=name, confidence=confidence, parameters=sizes)
     except ValueError as error:
         raise UsageError(
             f"--cause {text} is not NAME, NAME=VALUE or NAME=VALUE±HALF.",
-            cause="a typing error; numbers have a decimal point and no unit.",
+            cause="a typing error; numbers have a decimal point and no unit, and HALF no sign.",
             fix="--cause stiffness.cable.yaw=0.1±0.01",
         ) from error
 
@@ -250,4 +273,4 @@ def _sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
     parameters = term(name).effect.parameters
     if value is None:
         return {}
-    return {parameters[0].name: _size(float(value), None if half is None else abs(float(half)))}
+    return {parameters[0].name: _size(float(value), None if half is None else float(half))}

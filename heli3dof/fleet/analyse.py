@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.batch.recording_columns import COLUMNS
 from heli3dof.errors import RecordingError, quoted
 from heli3dof.fleet.change_search import find_changes, track_prior
 from heli3dof.fleet.random_effects import random_effects
@@ -31,13 +32,13 @@ def analyse(rows: Sequence[Row]) -> Fleet:
     """
     bad = bad_recordings(rows)
     names = quantities_of(rows)
-    if not names:
+    if not set(names) - set(COLUMNS):
         raise RecordingError(
-            f"None of the {len(rows)} recordings has a quantity that can be used.",
+            f"None of the {len(rows)} recordings has an estimate that can be used.",
             cause=f"no recording can be used; the first: {bad[0].recording}: {bad[0].reason}."
             if len(bad) == len(rows)
-            else "the verb of the batch states no numbers with standard deviations.",
-            fix=f"heli3dof diagnose {quoted(bad[0].recording)}" if bad
+            else "the batch ran another verb, such as info, which states no numbers of a rig.",
+            fix=f"heli3dof diagnose {quoted(bad[0].recording)}" if len(bad) == len(rows)
             else "heli3dof batch identify REC... -o FOLDER",
         )  # fmt: skip
     tracks, plan = tracks_of(rows, names), main_plan(rows)

@@ -64,7 +64,7 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
         return Estimate(1, float(y[0]), std, inf, np.nan)
     variance = scatter_variance(y, s)
     w = _weights(s, variance)
-    value = float(w @ y / w.sum())
+    value = float(y[0] + w @ (y - y[0]) / w.sum())  # exact if all y are equal
     q = float(w @ (y - value) ** 2) / (n - 1)
     return Estimate(n, value, sqrt(q / w.sum()), n - 1, sqrt(variance))
 

@@ -51,6 +51,8 @@ class Parameter:
     """The value in the rig's profile; NaN where the profile has none."""
     verdict: str = ""
     """Why the value is unreliable; empty if it is reliable."""
+    absent: bool = False
+    """True if the value is at the bound that means "no effect" (`PhysicalFit.absent`)"""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.errors import quoted
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.log_columns import ANGLE_UNITS
 
 COUNTS = 16
 ANGLE = np.radians(1.5)
@@ -78,12 +81,27 @@ def jumps(view: View) -> Iterable[Fault]:
             "the encoder was frozen until then (its cable, its input on the card, or a log that "
             "repeats an old value); or the axis rested and the counter was reset." if froze else
             "the counter was reset or lost counts: all later angles are wrong.",
-            "unwrap it: numpy.unwrap(angle)" if turn else
+            _unwrapping(r, AXES[i], turn) if turn else
             "remove the row (gaps in time are allowed)" if back else
             "use the data before or after: "
             f"recording.between(0, {r.t[first if froze else k]:.4g})",
             axis=AXES[i],
         )  # fmt: skip
+
+
+def _unwrapping(recording: Recording, axis: str, turn: int) -> str:
+    """Return how to unwrap an angle that is wrapped to ``turn`` degrees.
+
+    The columns of an imported log are mapped again; an array in Python is unwrapped by numpy.
+    """
+    if "log" not in recording.meta:
+        return f"unwrap it: numpy.unwrap(angle_deg, period={turn})"
+    origins = recording.meta.get("log_mapping") or {}
+    names = (f"{axis}_{unit}" for unit in ANGLE_UNITS)
+    name = next((n for n in names if n in origins), f"{axis}_deg")
+    angle = origins.get(name, name)
+    whole = f"unwrap({angle})" if turn == 360 else f"unwrap(2*({angle}))/2"
+    return f"unwrap it: heli3dof import … --map {quoted(f'{name}={whole}')}"
 
 
 def _stood_from(view: View, i: int, k: int) -> int:

@@ -1,6 +1,7 @@
 """`file_info`: describes a recording's file as a JSON-able dictionary.
 
-`file_info` also reads torn files: those that end early, for example because the program was killed.
+`file_info` also reads the intact part of a torn file (its end is missing, for example because the
+program was killed), and of a file with unreadable bytes in the middle.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import quoted
+from heli3dof.errors import RecordingError, quoted
 from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers import importer_of
 from heli3dof.recording.logs.log_validation import timing
-from heli3dof.recording.mcap_files.reader import open_mcap, profile_in, recording_of
+from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, recording_of
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.still_encoder import still_encoder_warnings
@@ -36,8 +37,9 @@ def file_info(
 ) -> dict[str, Any]:
     """Return the `summary` of the recording in a file, and the file's name and size in bytes.
 
-    If the key ``torn`` is True, the file's end is missing. The summary then describes the intact
-    part, and the key ``fix`` is the command that recovers this part. Raises RecordingError and
+    If the key ``torn`` is True, bytes are missing or unreadable. The summary then describes the
+    intact part. The key ``damage`` is a sentence on the damage, and ``fix`` is the command that
+    copies the intact part. Raises RecordingError and
     UsageError, as `load` does.
     """
     return read_with_info(path, profile, columns)[1]
@@ -54,21 +56,27 @@ def read_with_info(
         "bytes": path.stat().st_size if path.exists() else 0,
         "torn": salvaged is not None,
     }
-    if salvaged is not None:
-        about["fix"] = f"heli3dof recover {quoted(path)}"
-    recording = load(path, profile, columns) if salvaged is None else salvaged
+    if salvaged is None:
+        recording = load(path, profile, columns)
+    else:
+        recording, error = salvaged
+        about |= {"damage": error.what, "fix": f"heli3dof recover {quoted(path)}"}
     return recording, {**about, **summary(recording)}
 
 
-def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
-    """Return a torn recording's intact part; None if the file is complete or no sample is left."""
+def _salvaged(path: Path, profile: Profile | None) -> tuple[Recording, RecordingError] | None:
+    """Return the intact part of a recording with missing or unreadable bytes, and its error.
+
+    The result is None if the file has all its records, or no sample is left.
+    """
     content = open_mcap(path)
-    if content.whole:
+    error = broken(path, content)
+    if error is None:
         return None
     rows = salvage(path, content).rows
     if not len(rows):
         return None
-    return recording_of(rows, content, profile or profile_in(content, path), path)
+    return recording_of(rows, content, profile or profile_in(content, path), path), error
 
 
 def summary(recording: Recording) -> dict[str, Any]:

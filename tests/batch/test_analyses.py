@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from heli3dof.batch.analyses import ANALYSES, Job
+from heli3dof.recording.write import write_recording
+from tests.flown import flown
 from tests.paths import ROOT
 
 
@@ -16,3 +18,14 @@ def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
     assert row["method"] == "pbsid"
     assert row["fit_one_step_roll_percent"] > 70
     assert not any(name.startswith("J_") for name in row)
+
+
+def test_a_parameter_at_the_bound_of_no_effect_has_no_standard_deviation(tmp_path: Path) -> None:
+    """So `fleet` does not compare rigs by a bound. The simulated rig has no motor lag."""
+    path = write_recording(flown("rich", 20.0, device="mock:?speed=max"), tmp_path / "no-lag.mcap")
+    job = Job(path, "a", tmp_path, {"terms": ["motor.lag", "friction.viscous.yaw"]}, None)
+    document = ANALYSES["identify"].run(job)
+    row = ANALYSES["identify"].columns(document)
+    assert document["absent"] == ["motor.lag.time_constant_s"]
+    assert row["motor.lag.time_constant_s_std"] is None
+    assert row["friction.viscous.yaw.damping_Nms_per_rad_std"] > 0

@@ -172,6 +172,18 @@ def test_the_errors_of_the_three_axes_fit_one_line() -> None:
     assert _holdout(None) == "–"
 
 
+def test_answers_of_the_same_name_are_told_apart_by_their_files() -> None:
+    row = {
+        "exercise": "3f9a2b7c1d4e", "reason": None, "name": "Ada", "file": "ada.json", "right": [],
+        "hidden": [], "wrong": [], "confounded": [], "sizes": [], "brier": 0.1,
+        "holdout_rmse_deg": None,
+    }  # fmt: skip
+    bobs = [{**row, "name": n, "file": f} for n, f in
+            (("bob", "2.json"), ("Bob", "1.json"), ("Bob ", "3.json"))]  # fmt: skip
+    cells = [each[0] for each in _table([*bobs, row]).rows]
+    assert cells == ["Ada", "Bob\n(1.json)", "bob\n(2.json)", "Bob\n(3.json)"]
+
+
 def test_the_marks_of_several_exercises_break_no_id_and_no_name_at_80_columns() -> None:
     row = {
         "exercise": "3f9a2b7c1d4e", "reason": None, "name": "Annemarie Schwarzenbach",

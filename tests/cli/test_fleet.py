@@ -9,7 +9,7 @@ import pytest
 from heli3dof.fleet.analyse import analyse
 from heli3dof.report.text.fleet_tables import rig_table
 from tests.cli.running import heli3dof
-from tests.fleet.making import term_rows, write_results
+from tests.fleet.making import QUANTITIES, term_rows, write_results
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +45,21 @@ def test_json_is_one_document(term: Path) -> None:
     done = heli3dof("fleet", term, "--json")
     assert done.document["schema"] == "heli3dof.fleet/1"
     assert len(done.document["rigs"]) == 5
+
+
+def test_a_single_bad_recording_is_named(tmp_path: Path) -> None:
+    bad = {"rig-01-03": "{} is torn: it ends after 20 bytes.", "rig-02-05": "{} has no yaw.",
+           "rig-03-07": "{} has no yaw."}  # fmt: skip
+    rows = [
+        {**r, "exit_code": 5, "error": bad[r["name"]].format(r["recording"])}
+        if r["name"] in bad else r
+        for r in term_rows() if not r["error"] and not r["faults"]
+    ]  # fmt: skip
+    write_results(tmp_path, rows)
+    assert (
+        "3 of 118 recordings are not used: exit code 5: it has no yaw (2); "
+        "exit code 5: term/rig-01-03.mcap is torn: it ends after 20 bytes."
+    ) in heli3dof("fleet", tmp_path).out
 
 
 def test_quiet_prints_nothing(term: Path) -> None:
@@ -105,3 +120,16 @@ def test_the_table_of_batch_run_is_refused_with_the_one_that_is_needed(tmp_path:
     done = heli3dof("fleet", tmp_path)
     assert done.code == 5
     assert "the table of batch identify is needed" in done.err
+
+
+def test_the_table_of_batch_info_is_refused_with_the_one_that_is_needed(tmp_path: Path) -> None:
+    """Its only quantities describe the recordings, not the rigs."""
+    rows = [{**{k: v for k, v in r.items() if k not in QUANTITIES}, "roll_start_deg": -27.5,
+             "roll_start_deg_std": 0.03} for r in term_rows()]  # fmt: skip
+    write_results(
+        tmp_path, [{k: v for k, v in r.items() if k[:-4] not in QUANTITIES} for r in rows]
+    )
+    done = heli3dof("fleet", tmp_path)
+    assert done.code == 5
+    assert "the batch ran another verb, such as info" in done.err
+    assert "Try: heli3dof batch identify" in done.err

@@ -53,9 +53,16 @@ def test_an_unmodelled_torque_has_no_size() -> None:
 
 def test_a_diagnosis_of_another_rig_is_refused() -> None:
     other = exercise_that(KEY, 1, count=1)
-    for document in (diagnosis(other), diagnosis(EXERCISE, about={})):
-        with pytest.raises(UsageError, match=f"not a diagnosis of exercise {EXERCISE.id} alone"):
+    both = {"exercises": [EXERCISE.id, other.id]}
+    for document, fix in (
+        (diagnosis(other), f"--exercise with the sealed file of exercise {other.id}"),
+        (diagnosis(EXERCISE, about={}), "diagnose recordings of heli3dof run"),
+        (diagnosis(EXERCISE, about=both), "diagnose recordings of heli3dof run"),
+    ):
+        what = f"not a diagnosis of exercise {EXERCISE.id} alone"
+        with pytest.raises(UsageError, match=what) as caught:
             make_answer("Ada", EXERCISE, (), {"d.json": document})
+        assert fix in str(caught.value.fix)
 
 
 def test_an_incomplete_diagnosis_is_refused() -> None:
@@ -64,29 +71,50 @@ def test_an_incomplete_diagnosis_is_refused() -> None:
 
 
 def test_statements_have_a_value_an_interval_and_a_confidence() -> None:
-    texts = ["stiffness.cable.yaw=0.1±0.01", "inertia.yaw = 1.2 +- 0.1", "unmodelled.roll", "none"]
-    cable, inertia, unmodelled, none = statements(texts, [0.9, 0.8, 0.7, 0.6])
+    texts = ["stiffness.cable.yaw=0.1±0.01", "inertia.yaw = 1.2 +- 0.1", "unmodelled.roll"]
+    cable, inertia, unmodelled = statements(texts, [0.9, 0.8, 0.7])
     assert cable.text() == (
         "stiffness.cable.yaw, stiffness_Nm_per_rad = 0.1 (0.09 … 0.11), confidence 0.90"
     )
     assert inertia.parameters["ratio"].high == pytest.approx(1.3)
-    assert (unmodelled.parameters, none.confidence) == ({}, 0.6)
-    assert [c.confidence for c in statements(texts, [0.5])] == [0.5] * 4
+    assert (unmodelled.parameters, unmodelled.confidence) == ({}, 0.7)
+    assert [c.confidence for c in statements(texts, [0.5])] == [0.5] * 3
 
 
 @pytest.mark.parametrize(
     "text",
-    ["inertia.yaw=", "inertia.yaw=x", "=1", "", "none=1", "inertia.yaw=1±y", "inertia.yaw=nan"],
+    [
+        "inertia.yaw=",
+        "inertia.yaw=x",
+        "=1",
+        "",
+        "none=1",
+        "inertia.yaw=1±y",
+        "inertia.yaw=nan",
+        "inertia.yaw=1±-0.1",
+    ],
 )
 def test_a_statement_of_another_form_is_an_error(text: str) -> None:
     with pytest.raises(UsageError):
         statements([text], [])
 
 
+@pytest.mark.parametrize(
+    ("texts", "what"),
+    [
+        (["inertia.yaw=1.2", "none"], "none contradicts"),
+        (["inertia.yaw=1.2", "inertia.yaw=1.3"], r"names inertia\.yaw twice"),
+    ],
+)
+def test_contradictory_statements_are_an_error(texts: list[str], what: str) -> None:
+    with pytest.raises(UsageError, match=what):
+        statements(texts, [])
+
+
 def test_the_number_of_confidences_must_match() -> None:
-    with pytest.raises(UsageError, match="2 confidences for 1 causes"):
+    with pytest.raises(UsageError, match="confidences: 2; of causes: 1"):
         statements(["none"], [0.1, 0.2])
-    with pytest.raises(UsageError, match="1 confidences for 0 causes"):
+    with pytest.raises(UsageError, match="confidences: 1; of causes: 0"):
         statements([], [0.1])
 
 

@@ -45,6 +45,12 @@ def bisected(y: list[float], s: list[float]) -> float:
     return low
 
 
+@given(st.floats(1e-6, 1e6), st.integers(2, 50))
+def test_equal_measurements_give_exactly_their_value(y: float, n: int) -> None:
+    found = random_effects(np.full(n, y), np.full(n, 0.3 * y))
+    assert (found.value, found.std, found.scatter) == (y, 0.0, 0.0)
+
+
 def test_two_measurements_by_hand() -> None:
     """y = 0 and 4 with s = 1: the mean 2, its standard error √(8/2) = 2, and τ² = 8 − 1."""
     found = random_effects(np.array([0.0, 4.0]), np.ones(2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,9 @@ from heli3dof.integrity import Kind, integrity
 from heli3dof.integrity.response import with_step
 from heli3dof.integrity.scale import misfit
 from heli3dof.integrity.view import View
+from heli3dof.recording.logs.column_mapping import parse_mapping
+from heli3dof.recording.logs.export import export
+from heli3dof.recording.logs.import_log import import_log
 from tests.integrity.flights import (
     flight,
     names,
@@ -221,6 +225,20 @@ def test_yaw_folded_at_360_degrees_is_named() -> None:
     folded = np.where(yaw > np.pi, yaw - 2 * np.pi, yaw)
     faults = [f for f in integrity(with_angle(r, 2, folded)) if f.check == "encoder.jump"]
     assert "360" in faults[0].cause
+    assert "numpy.unwrap(angle_deg, period=360)" in faults[0].fix
+
+
+@pytest.mark.parametrize("turn", [360, 180])
+def test_the_advised_mapping_unwraps_yaw(tmp_path: Path, turn: int) -> None:
+    r = flight("rich")
+    yaw = np.degrees(r.angle[:, 2]) + turn / 2 - 10
+    folded = np.mod(yaw + turn / 2, turn) - turn / 2
+    log = export(with_angle(r, 2, np.radians(folded)), tmp_path / "log.csv")
+    imported = import_log(log, r.profile)
+    (fault,) = (f for f in integrity(imported) if f.check == "encoder.jump")
+    option = fault.fix.partition("--map ")[2].strip("'")
+    again = import_log(log, r.profile, mapping=parse_mapping([option]))
+    np.testing.assert_allclose(np.degrees(again.angle[:, 2]), yaw, atol=1e-6)
 
 
 def test_motors_off_or_a_clamped_rig_is_not_identifiable() -> None:

@@ -173,10 +173,10 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
     std = np.maximum(found.std, least)
     return {
         f.name: Parameter(
-            float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w
+            float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w, bool(a)
         )
-        for f, v, s, b, w in zip(
-            found.free, found.values, std, found.bound, found.verdicts, strict=True
+        for f, v, s, b, w, a in zip(
+            found.free, found.values, std, found.bound, found.verdicts, found.absent, strict=True
         )
     }
 

@@ -22,7 +22,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, minus
 from heli3dof.rig.profile import Profile
 
 TURN = {"deg": 360.0, "rad": 2 * np.pi}
@@ -100,8 +100,11 @@ def _check_angle(
     warnings: list[str] = []
     if found is not None and found[1] < AGAINST:
         warnings.append(
-            f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign may "
-            "be wrong" + (", or front and back are swapped." if axis == "pitch" else ".")
+            minus(
+                f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign may be "
+            )
+            + "wrong"
+            + (", or front and back are swapped." if axis == "pitch" else ".")
         )
     if not on_grid(values, TURN[unit] / counts):
         _refuse(source, name, axis, unit, values, counts, ratio, profile)

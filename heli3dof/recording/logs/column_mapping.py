@@ -38,10 +38,22 @@ def _restricted(name: str, arguments: int = 1) -> Callable[..., Any]:
     return call
 
 
+def _unwrap(*values: Any) -> Any:
+    """Return an angle (N,) without jumps of a whole turn: 2π, or 360 if it spans more than 2π.
+
+    An angle in radians that is wrapped spans at most one turn, 2π.
+    """
+    if len(values) != 1:
+        raise TypeError("unwrap takes 1 value")
+    angle = np.asarray(values[0], dtype=float)
+    finite = angle[np.isfinite(angle)]
+    in_radians = not finite.size or np.ptp(finite) < 1.01 * 2 * np.pi  # rounded numbers
+    return np.unwrap(angle, period=2 * np.pi if in_radians else 360.0)
+
+
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    name: _restricted(name)
-    for name in ("abs", "cos", "degrees", "radians", "sin", "sqrt", "tan", "unwrap")
-} | {"clip": _restricted("clip", 3)}
+    name: _restricted(name) for name in ("abs", "cos", "degrees", "radians", "sin", "sqrt", "tan")
+} | {"clip": _restricted("clip", 3), "unwrap": _unwrap}
 OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,

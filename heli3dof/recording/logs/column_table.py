@@ -6,7 +6,7 @@ radians.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ def recording_from_table(
     * fewer than ten samples, or a value that is not finite
     * time that does not increase or is not in seconds
     """
-    check_names(table)
+    check_names(table, profile.loop.rate_hz)
     log_validation.check_length(table.source, len(table.columns["t_s"]))
     columns = dict(table.columns)
     warnings = list(table.warnings)
@@ -99,8 +99,11 @@ def recording_from_table(
     return Recording(t=t, profile=profile, channels=channels, meta=about, **arrays)
 
 
-def check_names(table: Table) -> None:
-    """Raise RecordingError if a required column is missing, or an angle is given in two units."""
+def check_names(table: Table, rate_hz: float) -> None:
+    """Raise RecordingError if a required column is missing, or an angle is given in two units.
+
+    ``rate_hz``: the sampling rate in the profile, for the advice.
+    """
     names = list(table.columns)
     missing = [required for required in REQUIRED if required not in names]
     if missing:
@@ -109,7 +112,7 @@ def check_names(table: Table) -> None:
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
             cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
-            fix=_map_options(table, f"{missing[0]}={_expression(missing[0], names)}"),
+            fix=_map_options(table, f"{missing[0]}={_expression(missing[0], rate_hz)}"),
         )
     for form in ANGLES.values():
         for axis in AXES:
@@ -122,27 +125,26 @@ def check_names(table: Table) -> None:
                 )
 
 
-def _expression(column: str, names: Sequence[str]) -> str:
-    """Return an example of an expression that computes a required ``column`` from ``names``.
+def _expression(column: str, rate_hz: float) -> str:
+    """Return an example of an expression that computes a required ``column``.
 
-    >>> _expression("t_s", ["ms", "roll_deg"])
-    'ms/1000'
+    >>> _expression("t_s", 200.0)
+    'sample/200'
     """
-    if column != "t_s":
-        return "EXPRESSION"
-    in_ms = (f"{n}/1000" for n in names if n.lower().endswith("ms"))
-    return next(in_ms, "sample/500")
+    return f"sample/{rate_hz:g}" if column == "t_s" else "EXPRESSION"
 
 
 def _map_options(table: Table, example: str) -> str:
     """Return, for an error message, a command that maps the log's columns to heli3dof's.
 
-    If the log's columns have common names (`known_names`), the command contains their mapping, else
-    ``example``.
+    If the log's columns have common names (`known_names`), the command contains their mapping, and
+    the required columns without one are named. Otherwise, it contains ``example``.
     """
     found = suggest(table.columns)
     if found:
-        return f"heli3dof import … {as_options(found)}; check units and signs in its preview"
+        missing = [n for n in REQUIRED if n not in found and n not in table.columns]
+        more = f" and a --map for {', '.join(missing)}" if missing else ""
+        return f"heli3dof import … {as_options(found)}{more}; check units and signs in its preview"
     return (
         f"heli3dof import … --map '{example}', with names of the log's columns, such as "
         "(Vs-Vd)/2 or 57.3*x[5]"

@@ -11,10 +11,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from heli3dof.errors import quoted
-from heli3dof.rig.log_columns import KNOWN
+from heli3dof.recording.logs.joined_tables import rises
+from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
 
 TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
-        "tms": "/1000", "milliseconds": "/1000"}  # fmt: skip
+        "tms": "/1000", "ms": "/1000", "milliseconds": "/1000"}  # fmt: skip
+TIME_UNITS = {"s": "", "ms": "/1000"}
+"""Unit of a column's name → what converts a clock in this unit to s"""
 AXIS_NAMES = {
     "roll": {"roll", "elevation", "elev", "ele", "epsilon", "eps", "phi"},
     "pitch": {"pitch", "tilt", "rho", "theta"},
@@ -32,7 +35,9 @@ FRONT, BACK, SUM, DIFFERENCE = (
 )
 """Names that logs give the motors' voltages, in lower case, without separators and unit"""
 REFERENCE = re.compile(r"ref(erence)?|des(ired)?|cmd|command(ed)?|sp|set_?point")
-UNIT = re.compile(r"[\s_(\[]*\b(deg|degrees?|°|rad|radians?|v|volts?|s|sec)[)\]]*$", re.IGNORECASE)
+UNIT = re.compile(
+    r"[\s_(\[]*(°|\b(?:deg|degrees?|rad|radians?|v|volts?|m?s|m?sec))[)\]]*$", re.IGNORECASE
+)
 
 
 def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
@@ -40,7 +45,8 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
 
     The log's columns are recognised by common names, such as ``elevation`` for roll. ``columns``:
     name → values (N,). Columns of heli3dof that the log already has are left out. An angle without
-    unit in its name counts as radians if it stays within ±2π, otherwise as degrees.
+    unit in its name counts as radians if it stays within ±2π, otherwise as degrees. A column in s
+    or ms that rises is the time, whatever its name.
     """
     found: dict[str, str] = {}
     volts: dict[str, str] = {}
@@ -48,7 +54,9 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
         if name in KNOWN:
             continue
         key, unit = _key(name)
-        if key in TIME:
+        if unit in TIME_UNITS and (key in TIME or rises(values)):
+            found.setdefault("t_s", f"{name}{TIME_UNITS[unit]}")
+        elif key in TIME:
             found.setdefault("t_s", f"{name}{TIME[key]}")
         for motor, names in (("front", FRONT), ("back", BACK), ("sum", SUM), ("diff", DIFFERENCE)):
             if key in names:
@@ -56,7 +64,7 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
         bare = REFERENCE.sub("", key)
         axis = next((axis for axis, names in AXIS_NAMES.items() if bare in names), None)
         if axis is not None:
-            if unit is None:
+            if unit not in ANGLE_UNITS:
                 unit = "rad" if np.nanmax(np.abs(values), initial=0) <= 2 * np.pi else "deg"
             found.setdefault(f"{axis}{'' if bare == key else '_ref'}_{unit}", name)
     if {"sum", "diff"} <= volts.keys() and not {"front", "back"} & volts.keys():
@@ -72,17 +80,22 @@ def as_options(mapping: Mapping[str, str]) -> str:
 
 
 def _key(name: str) -> tuple[str, str | None]:
-    """Return a name in lower case without separators and unit, and the unit: deg, rad or None.
+    """Return a name in lower case without separators and unit, and the unit.
+
+    The unit is deg, rad, s, ms, or None for another or none.
 
     >>> _key("Elevation (deg)"), _key("theta_ref"), _key("Vf [V]")
     (('elevation', 'deg'), ('thetaref', None), ('vf', None))
+    >>> _key("Zeit [ms]"), _key("time_s")
+    (('zeit', 'ms'), ('time', 's'))
     """
     spaced = re.sub(r"[_\-.]+", " ", name).strip()
     match = UNIT.search(spaced)
     head = spaced[: match.start()] if match and match.start() else spaced
-    unit = match.group(1).lower()[:3] if match and match.start() else ""
+    unit = match.group(1).lower() if match and match.start() else ""
     key = re.sub(r"[\W_]+", "", head).lower()
-    return key, {"deg": "deg", "°": "deg", "rad": "rad"}.get(unit)
+    units = ("deg", "rad", "ms", "s")
+    return key, "deg" if unit == "°" else next((u for u in units if unit.startswith(u)), None)
 
 
 def _stems(target: str) -> set[str]:

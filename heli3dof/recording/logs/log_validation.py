@@ -99,6 +99,13 @@ def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
     if (dt <= 0).any():
         k = int(np.argmax(dt <= 0))
         same = dt[k] == 0
+        if not same and not t[k + 1 :].any():
+            raise RecordingError(
+                f"{source}: t_s is 0 from {where(k + 1)} to the end ({len(t) - k - 1} of {len(t)} "
+                "samples).",
+                cause="the rows at the end are zeros of a buffer that the flight did not fill.",
+                fix=f"remove the rows from {where(k + 1)} on",
+            )
         raise RecordingError(
             f"{source}: time does not increase at {where(k + 1)}: "
             f"t_s = {t[k + 1]:.9g} after {t[k]:.9g}.",
@@ -119,6 +126,13 @@ def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Whe
     """
     check_time_increases(source, t, where)
     found = timing(t)
+    if found.period_s == 1 and period_s < 0.5 and (t == np.rint(t)).all():
+        raise RecordingError(
+            f"{source}: t_s contains whole numbers in steps of 1; the profile's period is "
+            f"{period_s:.6g} s.",
+            cause="t_s is the number of the sample.",
+            fix=f"divide t_s by the rate: --map t_s=t_s/{1 / period_s:g}",
+        )
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:
             raise RecordingError(

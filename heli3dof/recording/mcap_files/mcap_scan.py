@@ -1,7 +1,8 @@
-"""Find the records of a complete or torn MCAP file; describe a file that is not an MCAP file.
+"""Find the records of a complete or damaged MCAP file; describe a file that is not an MCAP file.
 
 A file is torn if its end is missing. The ``mcap`` library's readers stop with an exception at the
 first damage. Here `scan` finds all records first, and its caller decides what to do with them.
+After unreadable bytes, `scan` continues at the next chunk whose checksum is right.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
 from heli3dof.errors import RecordingError, quoted, why_missing
+from heli3dof.recording.mcap_files.chunk_index import CODEC
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.mcap_files.schema import (
     CHANNELS_TOPIC,
@@ -37,6 +39,14 @@ from heli3dof.recording.mcap_files.schema import (
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the codec's name
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_CODEC = struct.pack("<I", len(CODEC)) + CODEC.encode()
+"""The bytes of a chunk's head that name its codec"""
+_CODEC_AT = _RECORD.size + _CHUNK.size - 4
+"""Byte offset of `_CODEC` in a chunk"""
+_FOOTER = _RECORD.pack(Opcode.FOOTER, 20)
+"""Opcode and length of a footer, which is the last record"""
+_FOOTER_BYTES = len(_FOOTER) + 20 + len(MAGIC)
+"""bytes from a footer to the end of its file"""
 _thread = threading.local()  # a decompressor is reused, and belongs to one thread
 LARGEST_CHUNK = 1 << 30
 """bytes (1 GiB, a convention): a chunk whose head states a larger size is treated as damaged"""
@@ -58,6 +68,14 @@ class Scan:
     """True if the file ends as an MCAP file must, with a footer and MCAP's magic bytes"""
     good: int
     """Byte offset after the last complete record"""
+    gaps: list[tuple[int, int]]
+    """Start and end of each range of unreadable bytes between two records, as byte offsets"""
+
+    @property
+    def bytes_lost(self) -> int:
+        """Return the number of bytes that belong to no record."""
+        tail = 0 if self.whole else len(self.data) - self.good
+        return sum(end - start for start, end in self.gaps) + tail
 
     def of(self, opcode: int) -> Iterator[bytes]:
         """Yield the content of each record with this MCAP opcode (record type), in file order."""
@@ -65,7 +83,12 @@ class Scan:
 
     @property
     def intact(self) -> bool:
-        """Return False if the data section's checksum is wrong; True if it is right or absent."""
+        """Return False if bytes between records are unreadable or the data's checksum is wrong.
+
+        An absent checksum counts as right.
+        """
+        if self.gaps:
+            return False
         if not self.records or self.records[-1][0] != Opcode.DATA_END:
             return True
         _, start, end = self.records[-1]
@@ -124,10 +147,49 @@ class Scan:
 def scan(data: bytes) -> Scan:
     """Return the records in an MCAP file's bytes, which must start with MCAP's magic bytes."""
     records, good = records_in(data, len(MAGIC))
+    gaps: list[tuple[int, int]] = []
+    while not (whole := _ends_at(data, records, good)):
+        # The last record may have a wrong length, so the search starts inside it.
+        found = _next_intact(data, records[-1][1] if records else good)
+        if found is None:
+            break
+        if found < good:
+            records[-1] = (*records[-1][:2], found)
+        gaps.append((min(good, found), found))
+        more, good = records_in(data, found)
+        records += more
     end = next((i for i, r in enumerate(records) if r[0] == Opcode.DATA_END), None)
-    ended = end is not None and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
     # The summary repeats schemas and channels without a checksum, so it is ignored.
-    return Scan(data, records if end is None else records[: end + 1], ended, good)
+    kept = records if end is None else records[: end + 1]
+    return Scan(data, kept, whole and (end is not None or bool(gaps)), good, gaps)
+
+
+def _ends_at(data: bytes, records: list[tuple[int, int, int]], at: int) -> bool:
+    """Return whether the records end at byte ``at`` with a footer and MCAP's magic bytes."""
+    return bool(records) and records[-1][0] == Opcode.FOOTER and data[at:] == MAGIC
+
+
+def _next_intact(data: bytes, at: int) -> int | None:
+    """Return the byte offset of the first intact chunk from byte ``at`` on, or else of the footer.
+
+    The result is None if there is neither.
+    """
+    named = data.find(_CODEC, at + _CODEC_AT)
+    while named >= 0:
+        start = named - _CODEC_AT
+        opcode, length = _RECORD.unpack_from(data, start)
+        content = data[start + _RECORD.size : start + _RECORD.size + length]
+        if opcode == Opcode.CHUNK and len(content) == length:
+            try:
+                decode_chunk(content)
+            except Damaged:
+                pass
+            else:
+                return start
+        named = data.find(_CODEC, named + 1)
+    footer = len(data) - _FOOTER_BYTES
+    has_footer = footer >= at and data.startswith(_FOOTER, footer) and data.endswith(MAGIC)
+    return footer if has_footer else None
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
@@ -277,10 +339,10 @@ def missing(path: Path) -> RecordingError:
     )
 
 
-def damaged(path: Path, error: Damaged) -> RecordingError:
-    """Return the error for a complete file with damaged bytes; ``error`` describes the damage."""
+def damaged(path: Path, error: Damaged, where: str = "") -> RecordingError:
+    """Return the error for a file with damaged bytes; ``error``, ``where``: which damage, where."""
     return RecordingError(
-        f"{path} is damaged: {error}.",
+        f"{path} is damaged{where}: {error}.",
         cause="the disk or a network copy changed some bytes.",
         fix=f"copy it again, or recover the intact part: heli3dof recover {quoted(path)}",
     )

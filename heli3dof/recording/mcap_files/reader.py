@@ -46,8 +46,9 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
     """
     path = Path(path)
     found = open_mcap(path)
-    if not found.whole:
-        raise torn(path, found)
+    unreadable = broken(path, found)
+    if unreadable is not None:
+        raise unreadable
     try:
         if not found.intact:
             raise Damaged("the checksum of its data is wrong")
@@ -72,7 +73,7 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 
 
 def open_mcap(path: Path) -> Scan:
-    """Return the records of an MCAP file, even if its end is missing.
+    """Return the records of an MCAP file, even if its end is missing or a part is unreadable.
 
     Raises RecordingError for a file that is not an MCAP file.
     """
@@ -94,8 +95,16 @@ def open_mcap(path: Path) -> Scan:
     return scan(data)
 
 
-def torn(path: Path, found: Scan) -> RecordingError:
-    """Return the error for the MCAP file ``path``, whose end is missing; ``found``: its records."""
+def broken(path: Path, found: Scan) -> RecordingError | None:
+    """Return the error for an MCAP file with missing or unreadable bytes; None for any other file.
+
+    ``found``: the file's records.
+    """
+    if found.gaps:
+        lost = f"{found.bytes_lost} bytes are unreadable, the first at {found.gaps[0][0]}"
+        return damaged(path, Damaged(lost), " in the middle")
+    if found.whole:
+        return None
     return RecordingError(
         f"{path} is torn: it ends after {found.good} bytes without its closing records.",
         cause="the program was killed, the disk was full, the copy is incomplete, or it is still "

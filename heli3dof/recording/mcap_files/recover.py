@@ -1,7 +1,8 @@
 """`recover`: writes the intact part of a torn or damaged recording to a new file.
 
-Every complete chunk with a right checksum is kept. An incomplete chunk, about 0.15 s of a flight,
-is lost: its compressed bytes decode as a whole or not at all. The original file is not changed.
+Every complete chunk with a right checksum is kept, also behind unreadable bytes. An incomplete
+chunk, about 0.15 s of a flight, is lost: its compressed bytes decode as a whole or not at all. The
+original file is not changed.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Recovery:
     seconds: float
     """Time in s from the first to the last recovered sample"""
     bytes_lost: int
-    """Number of bytes after the last complete record, which are lost"""
+    """Number of bytes that belong to no record, between records or after the last; they are lost"""
     chunks_damaged: int
     """Number of complete chunks that could not be decoded; they are omitted"""
 
@@ -93,7 +94,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         output,
         len(saved.rows),
         float(times[-1] - times[0]),
-        0 if found.whole else len(found.data) - found.good,
+        found.bytes_lost,
         saved.chunks_damaged,
     )
     before = found.metadata.get(OUTCOME, {})

@@ -14,7 +14,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
-from heli3dof.errors import UsageError, quoted
+from heli3dof.errors import UsageError, minus, quoted
 from heli3dof.identification.profile_update import ratio_unit
 from heli3dof.model.effects import term
 from heli3dof.recording.provenance import run_command
@@ -206,9 +206,9 @@ def faults(document: Document) -> Iterator[str]:
             yield str(f)
             continue
         note = "Note: " if f["kind"] == "note" else ""
-        cause = f" Likely cause: {f['cause']}" if f.get("cause") else ""
+        cause = f" Likely cause: {minus(f['cause'])}" if f.get("cause") else ""
         fix = f" Try: {f['fix']}" if f.get("fix") else ""
-        yield f"{note}{f['sentence']}{cause}{fix}"
+        yield f"{note}{minus(f['sentence'])}{cause}{fix}"
 
 
 def limits(document: Document) -> Iterator[str]:

@@ -78,12 +78,16 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
     """Yield sentences on unused recordings and on what limits the search for changes."""
     if fleet.bad:
         reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
-        named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
+        stated = {part: b.reason for b in fleet.bad for part in _kinds_of_reason(b) if ": " in part}
+        named = [
+            f"{reason} ({n})" if n > 1 or reason not in stated else stated[reason].rstrip(".")
+            for reason, n in reasons.most_common(MOST_REASONS)
+        ]
         more = len(reasons) - len(named)
         named += [f"{more} more"] if more else []
         yield (
             f"{len(fleet.bad)} of {_count(fleet.recordings, 'recording')} "
-            f"{'is' if len(fleet.bad) == 1 else 'are'} not used: {', '.join(named)}."
+            f"{'is' if len(fleet.bad) == 1 else 'are'} not used: {'; '.join(named)}."
         )
     if fleet.undated:
         yield (
@@ -108,17 +112,20 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
     """Return why a recording is not used: its failed integrity checks, or else its error message.
 
-    In the message, "it" replaces the recording's name.
+    In the message, "it" replaces the recording's path or name.
 
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
     ['exit code 5: it holds pitch only']
+    >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: term/a.mcap is torn."))
+    ['exit code 5: it is torn']
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "clock.gaps;clock.jitter"))
     ['clock.gaps', 'clock.jitter']
     """
     code, colon, error = bad.reason.partition(": ")
     if not colon:
         return bad.reason.split(";")
-    alone = rf"(?<![-\w]){re.escape(stem(Path(bad.recording)))}(?![-\w])"
+    names = "|".join(map(re.escape, (bad.recording, stem(Path(bad.recording)))))
+    alone = rf"(?<![-\w])(?:{names})(?![-\w])"
     general = re.sub(alone, "it", error).rstrip(".")
     return [f"{code}: {general}"]
 

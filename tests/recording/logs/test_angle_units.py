@@ -133,7 +133,7 @@ def test_a_wrong_sign_gives_a_warning(axis: str) -> None:
     assert check_angles("log.csv", data, PROFILE) == []
     data[f"{axis}_deg"] = -data[f"{axis}_deg"]
     warnings = check_angles("log.csv", data, PROFILE)
-    assert any(f"{axis}_deg moves against its voltages" in w for w in warnings)
+    assert any(f"{axis}_deg moves against its voltages (correlation −" in w for w in warnings)
 
 
 @needs_real_data

@@ -50,6 +50,16 @@ def test_an_expression_computes_a_column(expression: str, expected: np.ndarray) 
     np.testing.assert_allclose(column(expression), expected)
 
 
+@pytest.mark.parametrize("turn", [360.0, 2 * np.pi])
+def test_an_angle_in_degrees_is_unwrapped_by_360(turn: float) -> None:
+    """A turn and a half in steps of an eighth, wrapped to ± half a turn."""
+    angle = turn * np.arange(N) / 8
+    wrapped = np.mod(angle + turn / 2, turn) - turn / 2
+    table = replace(TABLE, columns={**TABLE.columns, "x[1]": wrapped})
+    found = mapped(table, {"yaw_rad": "unwrap(x[1])"}, {}).columns["yaw_rad"]
+    np.testing.assert_allclose(found, angle)
+
+
 def test_a_name_is_the_logs_column_or_else_another_mapped_one() -> None:
     swapped = mapped(TABLE, {"v_front_V": "v_back_V", "v_back_V": "v_front_V"}, {}).columns
     assert (swapped["v_front_V"][0], swapped["v_back_V"][0]) == (2, 1)

@@ -197,6 +197,35 @@ def test_an_unusable_log_is_refused_with_its_place(tmp_path: Path, content, mess
     assert caught.value.fix
 
 
+@pytest.mark.parametrize(
+    ("content", "what", "fix"),
+    [
+        (lambda: renamed("t_s", "stamp"), "no column t_s", "--map 't_s=sample/200'"),
+        (lambda: columns() | {"t_s": np.arange(1500)}, "whole numbers", "--map t_s=t_s/200"),
+        (
+            lambda: {k: np.append(v, np.zeros(9)) for k, v in columns().items()},
+            r"t_s is 0 from line 1502 to the end \(9 of 1509 samples\)",
+            "remove the rows from line 1502 on",
+        ),
+        (
+            lambda: {
+                {"t_s": "Zeit [ms]", "v_back_V": "hinten", "v_front_V": "vorne",
+                 "roll_deg": "Elevation [°]"}.get(k, k): v for k, v in columns().items()
+            },
+            "no column t_s, v_front_V, v_back_V",
+            "--map 't_s=Zeit [ms]/1000' --map 'roll_deg=Elevation [°]' and a --map for v_front_V, "
+            "v_back_V;",
+        ),
+    ],
+)  # fmt: skip
+def test_the_advice_fits_the_log_and_the_profile(tmp_path: Path, content, what, fix) -> None:
+    loop = PROFILE.loop.model_copy(update={"rate_hz": 200.0})
+    profile = PROFILE.model_copy(update={"loop": loop})
+    with pytest.raises(RecordingError, match=what) as caught:
+        import_log(write(tmp_path, content()), profile)
+    assert fix in str(caught.value.fix)
+
+
 def test_decimal_commas_in_a_comma_table_are_named_as_the_cause(tmp_path: Path) -> None:
     text = "t_s,v_front_V,v_back_V,roll_deg\n0,000,1,5,2,5,3,5\n0,002,1,5,2,5,3,5\n"
     with pytest.raises(RecordingError) as caught:

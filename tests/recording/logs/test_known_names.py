@@ -13,6 +13,7 @@ from heli3dof.recording.logs.known_names import as_options, suggest
     [
         ("time", {"t_s": "time"}),
         ("time_ms", {"t_s": "time_ms/1000"}),
+        ("ms", {"t_s": "ms/1000"}),
         ("Vf", {"v_front_V": "Vf"}),
         ("Vb [V]", {"v_back_V": "Vb [V]"}),
         ("u_front", {"v_front_V": "u_front"}),
@@ -26,6 +27,12 @@ from heli3dof.recording.logs.known_names import as_options, suggest
 )
 def test_a_common_name_is_suggested(name: str, expected: dict[str, str]) -> None:
     assert suggest({name: np.ones(20)}) == expected
+
+
+def test_a_rising_column_in_seconds_or_milliseconds_is_the_time() -> None:
+    t = np.arange(20.0)
+    assert suggest({"Zeit [ms]": t}) == {"t_s": "Zeit [ms]/1000"}
+    assert suggest({"delay [ms]": np.ones(20), "Zeit [s]": t}) == {"t_s": "Zeit [s]"}
 
 
 def test_an_angle_beyond_a_turn_is_in_degrees() -> None:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import OutputExists, RecordingError, UsageError
+from heli3dof.recording.info import file_info
 from heli3dof.recording.mcap_files.mcap_scan import decode_chunk, scan
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME
 from heli3dof.recording.mcap_files.reader import read_recording
@@ -121,6 +122,55 @@ def test_a_damaged_chunk_is_dropped_and_counted(tmp_path: Path, whole: Path) -> 
     assert 0 < len(back) < len(good)
     assert np.isin(back.t, good.t).all()
     assert np.diff(back.t).max() > 0.1, "the gap stays a gap"
+
+
+@pytest.mark.parametrize("content", [b"\0", b"\xff"], ids=["zeros", "garbage"])
+@pytest.mark.parametrize("start", [-20, 30], ids=["over two chunks", "in one chunk's end"])
+def test_chunks_after_unreadable_bytes_are_recovered(
+    tmp_path: Path, whole: Path, start: int, content: bytes
+) -> None:
+    """The damage covers the head of the third chunk, with or without the end of the second."""
+    data = bytearray(whole.read_bytes())
+    chunks = [(a, b) for kind, a, b in scan(bytes(data)).records if kind == CHUNK_OPCODE]
+    damaged = [1, 2] if start < 0 else [2]
+    at = chunks[1][1] + start  # 30 bytes after the chunk are in its message indexes
+    data[at : chunks[2][0] + 50] = content * (chunks[2][0] + 50 - at)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="damaged in the middle: ") as caught:
+        read_recording(path)
+    assert "changed some bytes" in str(caught.value.cause)
+    about = file_info(path)
+    result = recover(path)
+    lost = sum(len(decode_chunk(whole.read_bytes()[slice(*chunks[i])])) for i in damaged)
+    stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
+    assert result.samples == about["samples"] == 400 - lost // stride
+    assert result.chunks_damaged == len(damaged) - 1
+    assert chunks[2][1] - chunks[2][0] < result.bytes_lost < chunks[3][0] - at
+    assert f"{result.bytes_lost} bytes are unreadable" in about["damage"]
+    assert read_recording(result.path).meta["outcome_details"]["outcome_before"] == "completed"
+
+
+def test_a_wrong_length_loses_no_sample(tmp_path: Path, whole: Path) -> None:
+    """The second chunk's length covers the third chunk; both are intact."""
+    data = bytearray(whole.read_bytes())
+    chunks = [(a, b) for kind, a, b in scan(bytes(data)).records if kind == CHUNK_OPCODE]
+    data[chunks[1][0] - 8 : chunks[1][0]] = (chunks[2][1] - chunks[1][0] + 5).to_bytes(8, "little")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="damaged"):
+        read_recording(path)
+    assert read_recording(recover(path).path).digest == read_recording(whole).digest
+
+
+def test_a_damaged_summary_loses_no_sample(tmp_path: Path, whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    data[-200:-100] = bytes(100)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="damaged in the middle"):
+        read_recording(path)
+    assert read_recording(recover(path).path).digest == read_recording(whole).digest
 
 
 def test_samples_are_recovered_without_the_profile(tmp_path: Path, whole: Path) -> None:

@@ -241,18 +241,20 @@ def test_a_faulty_recording_is_reported_with_cause_and_remedy() -> None:
     fault = {
         "check": "encoder.sign",
         "kind": "bad_data",
-        "sentence": "step: roll turns the wrong way.",
+        "sentence": "step: roll turns the wrong way, to -5.1°.",
         "cause": "the encoder's sign is wrong.",
-        "fix": "set encoder.roll = 4096",
+        "fix": "set encoder.roll = -4096",
     }
     bad = changed(
         verdict="bad_data", findings=[], leftover=[], next_experiment=None, model=None,
         calibration=[], not_identifiable=[], integrity=[fault, {**fault, "kind": "note"}],
     )  # fmt: skip
     text = text_of(bad)
-    sentence = "step: roll turns the wrong way. Likely cause: the encoder's sign is wrong. Try: set"
+    cause = "Likely cause: the encoder's sign is wrong."
+    sentence = f"step: roll turns the wrong way, to −5.1°. {cause} Try: set"
     assert f"\n{sentence}" in text
     assert f"\nNote: {sentence}" in text
+    assert "encoder.roll = -4096" in text  # can be copied
     assert "run heli3dof diagnose again" in text
     assert "{" not in text  # sentences, not dictionaries
 

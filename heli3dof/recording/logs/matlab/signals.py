@@ -12,6 +12,7 @@ structure with ``Time`` and ``Data``  numbered as in a matrix; their clock is ``
 vector                                one, named like the vector; its clock is the vector
                                       ``t_s``, ``time``, …
 other structure                       the signals of its fields
+array of structures                   the signals of its elements ``x[1]``, ``x[2]``, …
 ====================================  ==========================================================
 
 ``x`` is the variable's name. The single signal of a matrix is called ``x`` without a number. The
@@ -33,6 +34,8 @@ from heli3dof.recording.logs.matlab.variables import Opaque
 from heli3dof.rig.log_columns import KNOWN
 
 UNNAMED = "ans"
+LONGEST_TEXT = 60
+"""Largest number of characters of a text variable in a message (a convention)"""
 
 
 @dataclass
@@ -87,6 +90,9 @@ def _visit(name: str, path: str, value: Any, found: _Found) -> None:
             f"{name}: an object of the MATLAB class {value.kind}. In MATLAB: {name} = "
             f"struct('Time', {name}.Time, 'Data', {name}.Data), then save again"
         )
+    elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+        for i, element in enumerate(value, 1):
+            _visit(f"{name}[{i}]", f"{path}[{i}]", element, found)
     elif isinstance(value, Mapping):
         timed = _timed_structure(name, value)
         if timed is not None:
@@ -100,7 +106,8 @@ def _visit(name: str, path: str, value: Any, found: _Found) -> None:
     else:
         array = np.squeeze(np.asarray(value))
         if array.dtype.kind not in "fiub" or array.ndim > 2 or max(array.shape, default=0) < 2:
-            found.ignored.append(f"{name}: {_described(value)}")
+            where = path if isinstance(value, str) else name
+            found.ignored.append(f"{where}: {_described(value)}")
         else:
             found.arrays[name] = array.astype(float)
             found.paths[name] = path
@@ -191,7 +198,9 @@ def _as_rows(block: np.ndarray, n: int) -> np.ndarray:
 
 
 def _described(value: Any) -> str:
-    """Return why a variable is ignored: ``one value``, ``3 × 3 values``, ``complex numbers``."""
+    """Return why a variable is ignored: ``one value``, ``3 × 3 values``, ``text 'elev'``."""
+    if isinstance(value, str):
+        return f"text {value[:LONGEST_TEXT]!r}"
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         kinds = {"U": "text", "c": "complex numbers"}

@@ -42,6 +42,19 @@ def test_a_complex_angle_is_ignored_with_a_warning(tmp_path: Path) -> None:
     assert warning in recording.meta["warnings"]
 
 
+def test_an_array_of_structures_has_the_signals_of_its_elements(tmp_path: Path) -> None:
+    """dSPACE's capture: X.Data is the time, Y(n).Data a signal; the names of both are texts."""
+    y = np.zeros(2, dtype=[("Name", object), ("Data", object)])
+    y["Name"], y["Data"][0], y["Data"][1] = ("elev", "Vf"), X[0], X[1]
+    savemat(tmp_path / "log.mat", {"trace": {"X": {"Name": "time", "Data": T}, "Y": y}})
+    table = read(tmp_path / "log.mat")
+    assert list(table.columns) == ["Data", "Y[1].Data", "Y[2].Data"]
+    assert "trace.Y[2].Name: text 'Vf'" in table.ignored
+    found = mapped(table, {"t_s": "Data", "roll_rad": "trace.Y[2].Data"}, {}).columns
+    np.testing.assert_array_equal(found["t_s"], T)
+    np.testing.assert_array_equal(found["roll_rad"], X[1])
+
+
 @pytest.mark.parametrize("transpose", [False, True])
 def test_the_first_row_or_column_of_a_matrix_is_time(tmp_path: Path, transpose: bool) -> None:
     matrix = np.vstack([T, X])

@@ -67,7 +67,7 @@ def test_version_7_3_gives_the_same_columns_as_version_5(tmp_path: Path) -> None
     assert set(new.columns) == {"t_s", "u[1]", "u[2]", "a", "b"} == set(old.columns)
     for name, values in old.columns.items():
         np.testing.assert_array_equal(new.columns[name], values)
-    assert new.ignored == old.ignored == ["note: text"]
+    assert new.ignored == old.ignored == ["note: text 'windy'"]
 
 
 def test_objects_of_matlab_classes_are_marked(tmp_path: Path) -> None:
