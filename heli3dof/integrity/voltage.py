@@ -10,19 +10,32 @@ If more than the share `DIFFERS` of the rows is beyond the limit, the motion dec
 (`_reached_motors`). The first cause is assumed if fewer rows are, or if the motion does not decide.
 
 The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
-differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of
-them has the wrong sign.
+differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, one of
+them has the wrong sign, or the hover voltage was subtracted (`subtracted`).
+
+**Hover voltage subtracted.** The propellers of an arm in the air push one way, so voltages around
+zero lack their mean. Let g be the response of an axis to the voltages, as a multiple of the
+profile's (`response`), and K that of roll and pitch. Roll and pitch respond to changes of the
+voltages, and K does not depend on a subtracted mean. The mean shows in two ways:
+
+* Yaw's torque is sin p times the voltage sum. With V_o added to both voltages, yaw's g is K if V_o
+  was subtracted, and K h/(1 + h) < K/4 if not. The limit is K/2, for |h| < `NEAR_ZERO`.
+* If yaw moves too little and |h| < `ANOTHER_UNIT`, K decides: it is 1 if V_o was subtracted, and
+  1/h with another unit, because the thrust carries the weight. The limit is 1/√|h|.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.axes import MOTORS
 from heli3dof.errors import RecordingError
 from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
+from heli3dof.integrity.remedies import voltage_remedy
+from heli3dof.integrity.response import Response
 from heli3dof.integrity.view import View
 from heli3dof.model.control.unexplained_share import AT_LIMIT
 from heli3dof.recording.logs import log_validation
@@ -31,6 +44,11 @@ from heli3dof.recording.logs.corrections import limited
 BEYOND = 1.02
 """Largest ratio of a voltage to v_max. Chosen, as are all constants below."""
 ANOTHER_UNIT = 0.15
+NEAR_ZERO = 0.3
+"""Largest |h| of voltages less the profile's V_o: the hover voltages of real rigs are 0.86 … 1.25
+times their profile's"""
+SURE, EXPLAINED = 6.0, 0.5
+"""Of a reliable response: least standard deviations from zero, least R²"""
 OPPOSED = 0.4
 """Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong"""
 CLIPPED = 0.02
@@ -107,11 +125,15 @@ def _reached_motors(view: View) -> bool:
 def unit(view: View) -> Iterable[Fault]:
     """Yield a fault if the hover voltage shows another unit, or a wrong sign of one voltage."""
     r, h = view.recording, view.hover_ratio
-    if h is None or abs(h) >= ANOTHER_UNIT:
+    if h is None or abs(h) >= NEAR_ZERO:
         return
     v_max, V_o = r.profile.motor.v_max, r.profile.motor.V_o
     mean = np.mean(r.voltage[view.flying], axis=0)
-    if abs(mean[0] - mean[1]) / 2 > OPPOSED * abs(V_o) and mean[0] * mean[1] < 0:
+    if (
+        abs(h) < ANOTHER_UNIT
+        and abs(mean[0] - mean[1]) / 2 > OPPOSED * abs(V_o)
+        and mean[0] * mean[1] < 0
+    ):
         other = MOTORS[int(np.argmin(mean * np.sign(V_o)))]
         yield Fault(
             "voltage.sign", Kind.BAD_DATA, r.name,
@@ -122,7 +144,16 @@ def unit(view: View) -> Iterable[Fault]:
             f"change the sign of v_{other}_V", confidence=0.99,
         )  # fmt: skip
         return
-    if h < 0:
+    if subtracted(view):
+        yield Fault(
+            "voltage.unit", Kind.BAD_DATA, r.name,
+            f"{r.name}: in the air, the motors' mean voltage is {h * V_o:+.3g} V; the profile's "
+            f"hover voltage is {V_o:.3g} V. But the axes respond to the changes as in volts.",
+            "the hover voltage was subtracted: the log contains deviations from hover.",
+            voltage_remedy(r, f"{{f}}+{V_o:.4g}", f"{{b}}+{V_o:.4g}"), confidence=0.99,
+        )  # fmt: skip
+        return
+    if not 0 <= h < ANOTHER_UNIT:
         return
     share = float(np.nanmax(np.abs(r.voltage))) <= 1.02
     yield Fault(
@@ -132,6 +163,25 @@ def unit(view: View) -> Iterable[Fault]:
         "kilovolts, DAC fractions or another unit instead of volts.",
         f"multiply by {v_max:.4g}" if share else "convert the voltages to volts",
     )  # fmt: skip
+
+
+def subtracted(view: View) -> bool:
+    """Return True if the hover voltage was subtracted from the logged voltages (see the module)."""
+    r, h = view.recording, view.hover_ratio
+    if h is None or abs(h) >= NEAR_ZERO:
+        return False
+    known = [x for a, x in view.responses.items() if a != "yaw" and _is_reliable(x)]
+    if not known:
+        return False
+    K = float(np.median([x.gain for x in known]))
+    yaw = view.responses_to(replace(r, voltage=r.voltage + r.profile.motor.V_o)).get("yaw")
+    if yaw is not None and _is_reliable(yaw):
+        return yaw.gain > K / 2
+    return abs(h) < ANOTHER_UNIT and K**2 * abs(h) < 1
+
+
+def _is_reliable(x: Response) -> bool:
+    return x.t > SURE and x.explained > EXPLAINED
 
 
 def clipped(view: View) -> Iterable[Fault]:
@@ -213,7 +263,7 @@ def _one_row_late(cmd: np.ndarray, v: np.ndarray, rows: np.ndarray) -> bool:
 
 CHECKS = (
     Check("voltage.limit", Stage.VALUES, "voltage missing, or beyond the amplifier's limit", limit),
-    Check("voltage.unit", Stage.MOTION, "hover voltage in another unit", unit),
+    Check("voltage.unit", Stage.MOTION, "hover voltage in another unit, or subtracted", unit),
     Check("voltage.clipped", Stage.MOTION, "share of the flight at the voltage limit", clipped),
     Check("voltage.commanded", Stage.VALUES, "voltage unlike its command", commanded),
 )

@@ -9,6 +9,7 @@ import pytest
 
 from heli3dof.axes import MOTORS
 from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.view import View
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.recording import Recording
@@ -45,6 +46,41 @@ def test_another_unit_is_named(factor: float, word: str) -> None:
     fault = only(with_voltage(flight(), factor))
     assert fault.kind == Kind.BAD_DATA
     assert word in fault.cause
+
+
+def about_hover(r: Recording) -> Recording:
+    """Return the flight as a log with voltages less the profile's hover voltage."""
+    return replace(
+        r, voltage=r.voltage - r.profile.motor.V_o,
+        voltage_cmd=np.full_like(r.voltage, np.nan), meta={"name": "log", "source": "import"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plan", "hide"),
+    [*((p, "") for p in PLANS), ("rich", "motor.thrust_gain:0.85"), ("steps", "motor.lag:0.15")],
+)
+def test_a_subtracted_hover_voltage_is_named_with_the_way_back(plan: str, hide: str) -> None:
+    fault = only(about_hover(flight(plan, hide)))
+    assert (fault.check, fault.kind) == ("voltage.unit", Kind.BAD_DATA)
+    assert "hover voltage was subtracted" in fault.cause
+    assert "--map v_back_V=v_back_V+7.4" in fault.fix
+
+
+def test_an_arm_that_is_nearly_in_balance_hovers_at_a_small_voltage() -> None:
+    r = flight("rich", "mass.imbalance:-0.9")
+    assert View(r).hover_ratio == pytest.approx(0.2, abs=0.07)
+    assert names(r, *Kind.ORDER[:3]) == set()
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_a_real_log_about_hover_is_bad_data_until_the_mean_is_added() -> None:
+    mapping = {name: text.replace(" + 5.48", "") for name, text in RIG_C.items()}
+    fault = only(import_log(files_of_rig_c(), rig(), mapping=mapping))
+    assert fault.check == "voltage.unit"
+    assert "subtracted" in fault.cause
+    assert "/2)+3.7" in fault.fix or "-5, 5))+3.7" in fault.fix
 
 
 def with_limit(r: Recording, v_max: float) -> Recording:
