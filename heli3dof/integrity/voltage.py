@@ -58,9 +58,9 @@ FLAT = 0.005
 DIFFERS_V, DIFFERS = 0.02, 0.01
 """V: largest difference of command and voltage; largest share of rows beyond it, or beyond v_max"""
 BETTER, WORSE = 0.7, 1.05
-"""Ratios of unexplained shares 1 − R², unlimited to limited voltages: largest product over the axes
-if the motors received the voltages, and largest ratio of any axis. Dry friction on one axis shifts
-its ratio by 0.25 on a real rig."""
+"""Ratios of unexplained shares 1 − R² with two kinds of voltages: largest product over the axes if
+the first kind explains the motion better, and largest ratio of any axis. Dry friction on one axis
+shifts its ratio by 0.25 on a real rig."""
 
 
 def limit(view: View) -> Iterable[Fault]:
@@ -111,15 +111,23 @@ def limit(view: View) -> Iterable[Fault]:
 
 
 def _reached_motors(view: View) -> bool:
-    """Return True if voltages beyond the limit explain the motion clearly better than limited ones.
+    """Return True if voltages beyond the limit explain the motion better than limited ones."""
+    return explains_better(view.responses, view.responses_to(limited(view.recording)))
 
-    ρ is an axis' unexplained share 1 − R² with the logged voltages over that with limited ones (R²:
-    `Response.explained`). The product of ρ over the axes must be below `BETTER`, and no axis may
-    contradict it by ρ > `WORSE`.
+
+def explains_better(a: dict[str, Response], b: dict[str, Response]) -> bool:
+    """Return True if the voltages of the responses ``a`` explain the motion better than those of b.
+
+    ρ is an axis' unexplained share 1 − R² in ``a`` over that in ``b`` (R²: `Response.explained`).
+    The product of ρ over the axes must be below `BETTER`, and no axis may contradict it by
+    ρ > `WORSE`. An axis without a response is unexplained.
     """
-    with_limit = view.responses_to(limited(view.recording))
-    ratios = [(1 - view.responses[a].explained) / (1 - x.explained) for a, x in with_limit.items()]
+    ratios = [_unexplained(a.get(axis)) / _unexplained(b.get(axis)) for axis in {*a, *b}]
     return float(np.prod(ratios)) < BETTER and max(ratios, default=0.0) < WORSE
+
+
+def _unexplained(response: Response | None) -> float:
+    return 1.0 if response is None else 1 - response.explained
 
 
 def unit(view: View) -> Iterable[Fault]:
