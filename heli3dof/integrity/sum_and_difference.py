@@ -1,11 +1,10 @@
 """Report a log whose two voltages are the sum and the difference of the motors' voltages.
 
-In level flight both motors carry half of the weight, so their mean voltages are nearly equal. The
-mean of a difference is nearly zero. If half the difference of the means exceeds `UNBALANCED` times
-V_o, the column with the larger mean may be the sum S, and the other one the difference D. The check
-compares the motion with both: ρ is an axis' unexplained share 1 − R² (`Response.explained`) with
-the voltages (S + D)/2 and (S − D)/2, over that with the logged ones. It reports bad data if pitch
-has a response and `explains_better` holds.
+In level flight both motors carry half of the weight, so their mean voltages (S ± D)/2 are nearly
+equal, and the mean of the difference D is small against that of the sum S. If the mean of one
+column is below `OPPOSED` times that of the other one, the motion decides. It must be explained
+better by (S + D)/2 and (S − D)/2 than by the logged voltages (`explains_better`), pitch must have a
+response, and no two columns may be swapped (`columns`).
 
 D is back − front if pitch responds against front − back, and yaw turns with the tilt
 (`directions` reports pitch's sign if yaw also turns the wrong way).
@@ -20,6 +19,7 @@ import numpy as np
 
 from heli3dof.axes import MOTORS
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.columns import swap_by_motion
 from heli3dof.integrity.directions import sign
 from heli3dof.integrity.remedies import voltage_remedy
 from heli3dof.integrity.view import View
@@ -34,13 +34,15 @@ def sum_and_difference(view: View) -> Iterable[Fault]:
     if rows.sum() * r.dt < LEAST_S:
         return
     mean = r.voltage[rows].mean(axis=0)
-    if abs(mean[0] - mean[1]) / 2 <= OPPOSED * abs(r.profile.motor.V_o):
-        return
     i = int(np.argmax(np.abs(mean)))
+    if abs(mean[1 - i]) >= OPPOSED * abs(mean[i]):
+        return
     S, D = r.voltage[:, i], r.voltage[:, 1 - i]
     motors = np.column_stack([S + D, S - D]) / 2
     found = view.responses_to(replace(r, voltage=motors))
     if "pitch" not in found or not explains_better(found, view.responses):
+        return
+    if swap_by_motion(view) is not None:
         return
     back_minus_front = sign(found["pitch"]) < 0 <= sign(found.get("yaw"))
     total, difference = ("{f}", "{b}") if i == 0 else ("{b}", "{f}")
