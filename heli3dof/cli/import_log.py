@@ -21,6 +21,9 @@ understood: column, source, unit, range. A matrix gives x[1], x[2], …: its row
 Example: heli3dof import input.mat x_enc.mat --profile rig.toml -o step.mcap
 --map 'v_front_V=(input[1]-input[2])/2' --map 'v_back_V=(input[1]+input[2])/2'
 --map 'roll_deg=57.2958*x_enc[5]'
+
+Here input[1] is the sum of the voltages, input[2] the difference back - front. If the log has the
+sum less its value at hover, add this value: (input[1]+5.48-input[2])/2.
 """
 
 

@@ -2,7 +2,8 @@
 
 The grid has steps of 2π/N rad, with N counts per revolution. A log on another encoder's grid is
 bad data: the controller and the noise model of a diagnosis use the profile's steps. An angle on no
-grid may be filtered or simulated, which is a note.
+grid may be filtered or simulated, which is a note. If ``encoder.counts`` finds that the angle is
+wrong by a factor, only that is reported: the right angle is on another grid.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError
+from heli3dof.integrity import scale
 from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.integrity.jump import FEW, deviations
 from heli3dof.integrity.view import View
@@ -79,7 +81,9 @@ def grid(view: View, i: int) -> Iterable[Fault]:
             "filtering, resampling, printing with few digits, or a simulation without encoder.",
             "log the angles as the encoder reads them", axis=axis,
         )  # fmt: skip
-    elif fitted != counts:
+    elif fitted != counts and not any(
+        f.kind == Kind.BAD_DATA for f in scale.counts(view) if f.axis == axis
+    ):
         yield Fault(
             "encoder.grid", Kind.BAD_DATA, r.name,
             f"{r.name}: {axis} lies on a grid of {fitted:.6g} counts per revolution; the profile "

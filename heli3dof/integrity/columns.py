@@ -59,7 +59,7 @@ LEVELS = 8
 
 def columns(view: View) -> Iterable[Fault]:
     """Yield a fault if two columns are swapped."""
-    swap = _by_motion(view) or _by_encoder(view) or _by_reference(view)
+    swap = swap_by_motion(view) or _by_encoder(view) or _by_reference(view)
     if swap is None:
         return
     a, b, evidence = swap
@@ -123,7 +123,8 @@ def axes_in_question(view: View, T: np.ndarray) -> set[str]:
     return inconsistent(view.responses)
 
 
-def _by_motion(view: View) -> tuple[int, int, str] | None:
+def swap_by_motion(view: View) -> tuple[int, int, str] | None:
+    """Return the numbers in `NAMES` of two swapped columns, and the evidence; None if none are."""
     if not axes_in_question(view, _table(view.recording)):
         return None
     view = View(block_means(view.recording))

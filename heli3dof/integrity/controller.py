@@ -59,7 +59,8 @@ def identified(view: View) -> Iterable[Fault]:
             f"{name}: a linear controller of order {len(law.A)} was identified from the log. It "
             f"leaves {100 * law.share:.2g} % of the voltages' changes unexplained. Simulated "
             "flights use it.",
-            "the profile has no [controller], or another controller flew the log.",
+            "another controller than the profile's flew the log."
+            if view.recording.profile.controller_is_known else "the profile has no [controller].",
             "",
         )  # fmt: skip
 

@@ -26,9 +26,11 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.remedies import angle_remedy
 from heli3dof.integrity.response import Response
 from heli3dof.integrity.view import View
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
+from heli3dof.recording.recording import Recording
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
 """Least values for a known sign of g. Chosen, as are all constants below; `DRIVE` in rad/s²."""
@@ -66,7 +68,7 @@ def directions(view: View) -> Iterable[Fault]:
     if roll:
         yield _fault(
             view, "encoder.sign", "roll", f"{r.name}: {roll}.", "the encoder's sign is wrong.",
-            _sign_fix("roll", r.profile.encoder.roll),
+            _sign_fix(r, "roll"),
         )  # fmt: skip
     gains = {a: f"{x.gain:+.2g} ± {x.std:.1g}" for a, x in view.responses.items()}
     p, y = s["pitch"], s["yaw"]
@@ -90,7 +92,7 @@ def directions(view: View) -> Iterable[Fault]:
             + ("." if both else f", and so does yaw to the tilt ({gains['yaw']})."),
             "the encoder's sign is wrong, or front and back are swapped; yaw moves too little to "
             "decide." if both else "the encoder's sign is wrong.",
-            _sign_fix("pitch", r.profile.encoder.pitch), 0.5 if both else 0.99,
+            _sign_fix(r, "pitch"), 0.5 if both else 0.99,
         )  # fmt: skip
     elif y < 0:
         both = p == 0
@@ -100,7 +102,7 @@ def directions(view: View) -> Iterable[Fault]:
             "profile's).",
             "the encoder's sign is wrong" + (", or pitch's is." if both else
             "; or pitch's is, and front and back are swapped too (the rig's mirror image)."),
-            _sign_fix("yaw", r.profile.encoder.yaw), 0.5 if both else 0.99,
+            _sign_fix(r, "yaw"), 0.5 if both else 0.99,
         )  # fmt: skip
 
 
@@ -127,8 +129,9 @@ def _roll_evidence(view: View, sign_of_response: int) -> str:
     return ""
 
 
-def _sign_fix(axis: str, counts: int) -> str:
-    return f"set encoder.{axis} = {-counts} in the profile, or change the sign of the logged angle"
+def _sign_fix(r: Recording, axis: str) -> str:
+    counts = int(getattr(r.profile.encoder, axis))
+    return angle_remedy(r, axis, "-{}", f"encoder.{axis} = {-counts}")
 
 
 def _fault(

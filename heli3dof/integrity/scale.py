@@ -39,6 +39,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.remedies import angle_remedy
 from heli3dof.integrity.response import Response
 from heli3dof.integrity.view import View
 from heli3dof.integrity.voltage import ANOTHER_UNIT
@@ -133,8 +134,7 @@ def counts(view: View) -> Iterable[Fault]:
         + ("line are counted)" if confounded else "line are counted).")
         + (f" Or the axis has {'half' if k == 2 else 'twice'} its inertia." if inertia else "")
         + (f", or pitch's by {1 / k:g}, since the tilt drives yaw." if confounded else ""),
-        f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts; else "
-        f"divide the logged angle by {k:g}",
+        angle_remedy(r, axis, f"{{}}/{k:g}", f"encoder.{axis} = {round(n * k)}"),
         effect="encoder.scale", axis=axis, parameters={"scale": scale},
         confidence=0.5 if confounded or inertia else 0.99,
     )  # fmt: skip

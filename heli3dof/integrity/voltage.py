@@ -10,19 +10,32 @@ If more than the share `DIFFERS` of the rows is beyond the limit, the motion dec
 (`_reached_motors`). The first cause is assumed if fewer rows are, or if the motion does not decide.
 
 The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
-differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of
-them has the wrong sign.
+differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, one of
+them has the wrong sign, or the hover voltage was subtracted (`subtracted`).
+
+**Hover voltage subtracted.** The propellers of an arm in the air push one way, so voltages around
+zero lack their mean. Let g be the response of an axis to the voltages, as a multiple of the
+profile's (`response`), and K that of roll and pitch. Roll and pitch respond to changes of the
+voltages, and K does not depend on a subtracted mean. The mean shows in two ways:
+
+* Yaw's torque is sin p times the voltage sum. With V_o added to both voltages, yaw's g is K if V_o
+  was subtracted, and K h/(1 + h) < K/4 if not. The limit is K/2, for |h| < `NEAR_ZERO`.
+* If yaw moves too little and |h| < `ANOTHER_UNIT`, K decides: it is 1 if V_o was subtracted, and
+  1/h with another unit, because the thrust carries the weight. The limit is 1/√|h|.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.axes import MOTORS
 from heli3dof.errors import RecordingError
 from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
+from heli3dof.integrity.remedies import voltage_remedy
+from heli3dof.integrity.response import Response
 from heli3dof.integrity.view import View
 from heli3dof.model.control.unexplained_share import AT_LIMIT
 from heli3dof.recording.logs import log_validation
@@ -31,8 +44,14 @@ from heli3dof.recording.logs.corrections import limited
 BEYOND = 1.02
 """Largest ratio of a voltage to v_max. Chosen, as are all constants below."""
 ANOTHER_UNIT = 0.15
+NEAR_ZERO = 0.3
+"""Largest |h| of voltages less the profile's V_o: the hover voltages of real rigs are 0.86 … 1.25
+times their profile's"""
+SURE, EXPLAINED = 6.0, 0.5
+"""Of a reliable response: least standard deviations from zero, least R²"""
 OPPOSED = 0.4
-"""Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong"""
+"""Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong.
+For `sum_and_difference`, the largest mean of the difference, divided by that of the sum"""
 CLIPPED = 0.02
 """Share of the flight at the limit above which a note reports it"""
 FLAT = 0.005
@@ -40,9 +59,9 @@ FLAT = 0.005
 DIFFERS_V, DIFFERS = 0.02, 0.01
 """V: largest difference of command and voltage; largest share of rows beyond it, or beyond v_max"""
 BETTER, WORSE = 0.7, 1.05
-"""Ratios of unexplained shares 1 − R², unlimited to limited voltages: largest product over the axes
-if the motors received the voltages, and largest ratio of any axis. Dry friction on one axis shifts
-its ratio by 0.25 on a real rig."""
+"""Ratios of unexplained shares 1 − R² with two kinds of voltages: largest product over the axes if
+the first kind explains the motion better, and largest ratio of any axis. Dry friction on one axis
+shifts its ratio by 0.25 on a real rig."""
 
 
 def limit(view: View) -> Iterable[Fault]:
@@ -93,25 +112,37 @@ def limit(view: View) -> Iterable[Fault]:
 
 
 def _reached_motors(view: View) -> bool:
-    """Return True if voltages beyond the limit explain the motion clearly better than limited ones.
+    """Return True if voltages beyond the limit explain the motion better than limited ones."""
+    return explains_better(view.responses, view.responses_to(limited(view.recording)))
 
-    ρ is an axis' unexplained share 1 − R² with the logged voltages over that with limited ones (R²:
-    `Response.explained`). The product of ρ over the axes must be below `BETTER`, and no axis may
-    contradict it by ρ > `WORSE`.
+
+def explains_better(a: dict[str, Response], b: dict[str, Response]) -> bool:
+    """Return True if the voltages of the responses ``a`` explain the motion better than those of b.
+
+    ρ is an axis' unexplained share 1 − R² in ``a`` over that in ``b`` (R²: `Response.explained`).
+    The product of ρ over the axes must be below `BETTER`, and no axis may contradict it by
+    ρ > `WORSE`. An axis without a response is unexplained.
     """
-    with_limit = view.responses_to(limited(view.recording))
-    ratios = [(1 - view.responses[a].explained) / (1 - x.explained) for a, x in with_limit.items()]
+    ratios = [_unexplained(a.get(axis)) / _unexplained(b.get(axis)) for axis in {*a, *b}]
     return float(np.prod(ratios)) < BETTER and max(ratios, default=0.0) < WORSE
+
+
+def _unexplained(response: Response | None) -> float:
+    return 1.0 if response is None else 1 - response.explained
 
 
 def unit(view: View) -> Iterable[Fault]:
     """Yield a fault if the hover voltage shows another unit, or a wrong sign of one voltage."""
     r, h = view.recording, view.hover_ratio
-    if h is None or abs(h) >= ANOTHER_UNIT:
+    if h is None or abs(h) >= NEAR_ZERO:
         return
     v_max, V_o = r.profile.motor.v_max, r.profile.motor.V_o
     mean = np.mean(r.voltage[view.flying], axis=0)
-    if abs(mean[0] - mean[1]) / 2 > OPPOSED * abs(V_o) and mean[0] * mean[1] < 0:
+    if (
+        abs(h) < ANOTHER_UNIT
+        and abs(mean[0] - mean[1]) / 2 > OPPOSED * abs(V_o)
+        and mean[0] * mean[1] < 0
+    ):
         other = MOTORS[int(np.argmin(mean * np.sign(V_o)))]
         yield Fault(
             "voltage.sign", Kind.BAD_DATA, r.name,
@@ -122,7 +153,16 @@ def unit(view: View) -> Iterable[Fault]:
             f"change the sign of v_{other}_V", confidence=0.99,
         )  # fmt: skip
         return
-    if h < 0:
+    if subtracted(view):
+        yield Fault(
+            "voltage.unit", Kind.BAD_DATA, r.name,
+            f"{r.name}: in the air, the motors' mean voltage is {h * V_o:+.3g} V; the profile's "
+            f"hover voltage is {V_o:.3g} V. But the axes respond to the changes as in volts.",
+            "the hover voltage was subtracted: the log contains deviations from hover.",
+            voltage_remedy(r, f"{{f}}+{V_o:.4g}", f"{{b}}+{V_o:.4g}"), confidence=0.99,
+        )  # fmt: skip
+        return
+    if not 0 <= h < ANOTHER_UNIT:
         return
     share = float(np.nanmax(np.abs(r.voltage))) <= 1.02
     yield Fault(
@@ -132,6 +172,25 @@ def unit(view: View) -> Iterable[Fault]:
         "kilovolts, DAC fractions or another unit instead of volts.",
         f"multiply by {v_max:.4g}" if share else "convert the voltages to volts",
     )  # fmt: skip
+
+
+def subtracted(view: View) -> bool:
+    """Return True if the hover voltage was subtracted from the logged voltages (see the module)."""
+    r, h = view.recording, view.hover_ratio
+    if h is None or abs(h) >= NEAR_ZERO:
+        return False
+    known = [x for a, x in view.responses.items() if a != "yaw" and _is_reliable(x)]
+    if not known:
+        return False
+    K = float(np.median([x.gain for x in known]))
+    yaw = view.responses_to(replace(r, voltage=r.voltage + r.profile.motor.V_o)).get("yaw")
+    if yaw is not None and _is_reliable(yaw):
+        return yaw.gain > K / 2
+    return abs(h) < ANOTHER_UNIT and K**2 * abs(h) < 1
+
+
+def _is_reliable(x: Response) -> bool:
+    return x.t > SURE and x.explained > EXPLAINED
 
 
 def clipped(view: View) -> Iterable[Fault]:
@@ -213,7 +272,7 @@ def _one_row_late(cmd: np.ndarray, v: np.ndarray, rows: np.ndarray) -> bool:
 
 CHECKS = (
     Check("voltage.limit", Stage.VALUES, "voltage missing, or beyond the amplifier's limit", limit),
-    Check("voltage.unit", Stage.MOTION, "hover voltage in another unit", unit),
+    Check("voltage.unit", Stage.MOTION, "hover voltage in another unit, or subtracted", unit),
     Check("voltage.clipped", Stage.MOTION, "share of the flight at the voltage limit", clipped),
     Check("voltage.commanded", Stage.VALUES, "voltage unlike its command", commanded),
 )

@@ -20,6 +20,7 @@ from heli3dof.integrity.view import View
 from heli3dof.recording.logs.column_mapping import parse_mapping
 from heli3dof.recording.logs.export import export
 from heli3dof.recording.logs.import_log import import_log
+from heli3dof.recording.recording import Recording
 from tests.integrity.flights import (
     flight,
     names,
@@ -141,6 +142,32 @@ def test_wrong_counts_in_the_profile_are_bad_data(plan: str, axis: str, k: float
     fault = only(logged)
     assert (fault.check, fault.axis, fault.kind) == ("encoder.grid", axis, Kind.BAD_DATA)
     assert fault.fix.startswith(f"set encoder.{axis} = {right} in the profile")
+
+
+def as_log(r: Recording, **mapping: str) -> Recording:
+    return replace(r, meta={"name": "log", "source": "import", "log_mapping": mapping})
+
+
+@pytest.mark.parametrize("k", [0.5, 2.0])
+def test_a_log_s_wrong_factor_has_one_remedy_which_removes_it(k: float) -> None:
+    """The profile's counts do not change the angles of a log."""
+    r = flight()
+    wrong = as_log(with_angle(r, 1, k * r.angle[:, 1]))
+    fault = only(wrong)
+    assert (fault.check, fault.axis) == ("encoder.counts", "pitch")
+    assert fault.fix == f"import the log with --map pitch_deg=pitch_deg/{k:g}"
+    assert names(as_log(with_angle(wrong, 1, wrong.angle[:, 1] / k)), *Kind.ORDER[:3]) == set()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_remedy_of_a_wrong_sign_suits_the_source_of_the_angle(axis: int) -> None:
+    r = turned(axis)(flight())
+    name = AXES[axis]
+    counts = int(getattr(r.profile.encoder, name))
+    assert only(r).fix == f"set encoder.{name} = {-counts} in the profile, and record again"
+    assert only(as_log(r)).fix == f"import the log with --map {name}_deg=-{name}_deg"
+    mapped = as_log(r, **{f"{name}_rad": "x[3]/2"})
+    assert only(mapped).fix == f"import the log with --map '{name}_rad=-(x[3]/2)'"
 
 
 @pytest.mark.parametrize(("factor", "word"), [(180 / np.pi, "degrees"), (np.pi / 180, "radians")])

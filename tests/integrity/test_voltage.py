@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from heli3dof.axes import MOTORS
 from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.view import View
+from heli3dof.integrity.voltage import OPPOSED
+from heli3dof.recording.logs.column_mapping import parse_mapping
 from heli3dof.recording.logs.corrections import corrected
+from heli3dof.recording.logs.export import export
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.recording import Recording
 from tests.integrity.flights import flight, names, only, turned, with_voltage
@@ -45,6 +52,87 @@ def test_another_unit_is_named(factor: float, word: str) -> None:
     fault = only(with_voltage(flight(), factor))
     assert fault.kind == Kind.BAD_DATA
     assert word in fault.cause
+
+
+def about_hover(r: Recording) -> Recording:
+    """Return the flight as a log with voltages less the profile's hover voltage."""
+    return replace(
+        r, voltage=r.voltage - r.profile.motor.V_o,
+        voltage_cmd=np.full_like(r.voltage, np.nan), meta={"name": "log", "source": "import"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plan", "hide"),
+    [*((p, "") for p in PLANS), ("rich", "motor.thrust_gain:0.85"), ("steps", "motor.lag:0.15")],
+)
+def test_a_subtracted_hover_voltage_is_named_with_the_way_back(plan: str, hide: str) -> None:
+    fault = only(about_hover(flight(plan, hide)))
+    assert (fault.check, fault.kind) == ("voltage.unit", Kind.BAD_DATA)
+    assert "hover voltage was subtracted" in fault.cause
+    assert "--map v_back_V=v_back_V+7.4" in fault.fix
+
+
+def test_an_arm_that_is_nearly_in_balance_hovers_at_a_small_voltage() -> None:
+    r = flight("rich", "mass.imbalance:-0.9")
+    assert View(r).hover_ratio == pytest.approx(0.2, abs=0.07)
+    assert names(r, *Kind.ORDER[:3]) == set()
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_a_real_log_about_hover_is_bad_data_until_the_mean_is_added() -> None:
+    mapping = {name: text.replace(" + 5.48", "") for name, text in RIG_C.items()}
+    fault = only(import_log(files_of_rig_c(), rig(), mapping=mapping))
+    assert fault.check == "voltage.unit"
+    assert "subtracted" in fault.cause
+    assert "/2)+3.7" in fault.fix or "-5, 5))+3.7" in fault.fix
+
+
+def sum_and_difference(r: Recording, of_sum: int, sign: float) -> Recording:
+    """Return the flight as a log with the sum in voltage column ``of_sum`` and ± the difference."""
+    V = np.column_stack([r.voltage.sum(axis=1), sign * (r.voltage[:, 0] - r.voltage[:, 1])])
+    return replace(
+        r, voltage=V if of_sum == 0 else V[:, ::-1], voltage_cmd=np.full_like(V, np.nan),
+        meta={"name": "log", "source": "import"}, channels={},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("plan", PLANS)
+@pytest.mark.parametrize(("of_sum", "sign"), [(0, 1), (0, -1), (1, 1), (1, -1)])
+def test_sum_and_difference_are_named_with_the_way_back(
+    plan: str, of_sum: int, sign: int, tmp_path: Path
+) -> None:
+    r = sum_and_difference(flight(plan), of_sum, sign)
+    fault = only(r)
+    assert (fault.check, fault.kind) == ("columns.sum_and_difference", Kind.BAD_DATA)
+    log = tmp_path / "log.csv"
+    export(r, log)
+    words = shlex.split(fault.fix)
+    options = [after for word, after in itertools.pairwise(words) if word == "--map"]
+    again = import_log(log, r.profile, mapping=parse_mapping(options))
+    assert np.allclose(again.voltage, flight(plan).voltage, atol=1e-6)
+    assert names(again, Kind.BAD_DATA) == set()
+
+
+@pytest.mark.parametrize(
+    "hide", ["bias.torque.pitch:0.17", "motor.thrust_mismatch:2,bias.torque.pitch:0.1"]
+)
+def test_motors_that_carry_unequal_weights_are_not_sum_and_difference(hide: str) -> None:
+    r = flight("rich", hide)
+    front, back = r.voltage[View(r).airborne].mean(axis=0)
+    assert min(front, back) < OPPOSED * max(front, back)
+    assert "columns.sum_and_difference" not in names(r)
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_sum_and_difference_of_real_logs_are_named() -> None:
+    for r in converted():
+        for of_sum, sign in ((0, 1), (1, -1)):
+            assert names(sum_and_difference(r, of_sum, sign), Kind.BAD_DATA) == {
+                "columns.sum_and_difference"
+            }, r.name
 
 
 def with_limit(r: Recording, v_max: float) -> Recording:

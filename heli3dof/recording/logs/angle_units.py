@@ -104,7 +104,11 @@ def _check_angle(
                 f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign may be "
             )
             + "wrong"
-            + (", or front and back are swapped." if axis == "pitch" else ".")
+            + (
+                ", or front and back are swapped or are sum and difference."
+                if axis == "pitch"
+                else "."
+            )
         )
     if not on_grid(values, TURN[unit] / counts):
         _refuse(source, name, axis, unit, values, counts, ratio, profile)

@@ -201,9 +201,9 @@ def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: floa
     if beyond:
         warnings.append(
             f"{' and '.join(beyond)}, beyond the profile's limit of ±{v_max:.4g} V. Likely cause: "
-            "the log contains the controller's output before the limiter. Identification, "
-            "diagnosis and comparison limit the voltages. If the amplifier's limit is higher, "
-            "correct motor.v_max in the profile."
+            "the log contains the controller's output before the limiter, or sum and difference. "
+            "Identification, diagnosis and comparison limit the voltages. If the amplifier's limit "
+            "is higher, correct motor.v_max in the profile."
         )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(
