@@ -15,6 +15,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.remedies import is_log
 from heli3dof.integrity.view import View
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
@@ -64,7 +65,7 @@ def jitter(view: View) -> Iterable[Fault]:
             f"{r.name}: the time stamps have a sampling jitter of ±{1e3 * stamps_s:.2g} ms (RMS)"
             + ("." if is_finding else ", which is usual for a computer's timer."),
             "a timer without real-time priority, or a shared bus.",
-            (LOGGED if r.meta.get("log") else FLOWN) if is_finding else "",
+            (LOGGED if is_log(r) else FLOWN) if is_finding else "",
             effect="timing.jitter", parameters={"jitter_s": (stamps_s, std)},
         )  # fmt: skip
 

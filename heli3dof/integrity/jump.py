@@ -16,11 +16,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import quoted
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.remedies import column_of, is_log, operand
 from heli3dof.integrity.view import View
+from heli3dof.recording.logs.known_names import as_options
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.log_columns import ANGLE_UNITS
 
 COUNTS = 16
 ANGLE = np.radians(1.5)
@@ -94,14 +94,11 @@ def _unwrapping(recording: Recording, axis: str, turn: int) -> str:
 
     The columns of an imported log are mapped again; an array in Python is unwrapped by numpy.
     """
-    if "log" not in recording.meta:
+    if not is_log(recording):
         return f"unwrap it: numpy.unwrap(angle_deg, period={turn})"
-    origins = recording.meta.get("log_mapping") or {}
-    names = (f"{axis}_{unit}" for unit in ANGLE_UNITS)
-    name = next((n for n in names if n in origins), f"{axis}_deg")
-    angle = origins.get(name, name)
-    whole = f"unwrap({angle})" if turn == 360 else f"unwrap(2*({angle}))/2"
-    return f"unwrap it: heli3dof import … --map {quoted(f'{name}={whole}')}"
+    column, angle = column_of(recording, axis)
+    whole = f"unwrap({angle})" if turn == 360 else f"unwrap(2*{operand(angle)})/2"
+    return f"unwrap it: heli3dof import … {as_options({column: whole})}"
 
 
 def _stood_from(view: View, i: int, k: int) -> int:

@@ -18,8 +18,8 @@ def is_log(recording: Recording) -> bool:
 def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
     """Return the column of an imported log for ``quantity``, and the expression that computed it.
 
-    ``quantity``: ``roll``, ``pitch`` or ``yaw`` (in the unit of the log's mapping, or else
-    degrees), ``v_front_V`` or ``v_back_V``.
+    The expression of a column that was not mapped is its name. ``quantity``: ``roll``, ``pitch`` or
+    ``yaw`` (in the unit of the log's mapping, or else degrees), ``v_front_V`` or ``v_back_V``.
     """
     mapping = recording.meta.get("log_mapping") or {}
     names = [f"{quantity}_rad", f"{quantity}_deg", quantity]
@@ -27,8 +27,12 @@ def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
     if column is None:
         column = quantity if quantity.endswith("_V") else f"{quantity}_deg"
         return column, column
-    expression = str(mapping[column])
-    return column, expression if expression.isidentifier() else f"({expression})"
+    return column, str(mapping[column])
+
+
+def operand(expression: str) -> str:
+    """Return an expression as a part of another one: in parentheses, unless it is a name."""
+    return expression if expression.isidentifier() else f"({expression})"
 
 
 def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) -> str:
@@ -39,7 +43,7 @@ def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) ->
     """
     if is_log(recording):
         column, logged = column_of(recording, axis)
-        return f"import the log with {as_options({column: form.format(logged)})}"
+        return f"import the log with {as_options({column: form.format(operand(logged))})}"
     return f"set {in_profile} in the profile, and record again"
 
 
@@ -49,5 +53,6 @@ def voltage_remedy(recording: Recording, front: str, back: str) -> str:
     ``front``, ``back``: expressions with ``{f}`` and ``{b}`` for the logged voltages.
     """
     (f_column, f), (b_column, b) = (column_of(recording, f"v_{m}_V") for m in ("front", "back"))
-    options = {f_column: front.format(f=f, b=b), b_column: back.format(f=f, b=b)}
+    logged = {"f": operand(f), "b": operand(b)}
+    options = {f_column: front.format(**logged), b_column: back.format(**logged)}
     return f"import the log with {as_options(options)}"
