@@ -110,11 +110,12 @@ def test_a_wrong_argument_is_named(
     assert caught.value.fix
 
 
-def test_a_greybox_model_refuses_an_interval_of_zero() -> None:
+def test_a_model_refuses_an_interval_of_zero() -> None:
     from tests.model.test_greybox_model import true_model
 
-    with pytest.raises(h3.UsageError, match="dt is 0"):
-        true_model().to_control(dt=0)
+    for model in (true_model(), h3.hover_model(h3.default_profile())):
+        with pytest.raises(h3.UsageError, match="dt is 0"):
+            model.to_control(dt=0)
 
 
 def test_the_file_name_of_a_model_in_a_document_is_no_model(flown: h3.Recording) -> None:

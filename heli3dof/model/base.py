@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from heli3dof.arrays import ComplexArray, FloatArray
+from heli3dof.errors import UsageError
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec, Limits, Profile
@@ -116,3 +117,14 @@ class Model(Protocol):
     def to_dict(self) -> Mapping[str, Any]:
         """Return the model as a dict for its JSON model file; see `heli3dof.model.model_file`."""
         ...
+
+
+def checked_interval(dt: float) -> float:
+    """Return the sampling interval ``dt`` (s); raise UsageError if it is not positive."""
+    if not 0 < dt < float("inf"):
+        raise UsageError(
+            f"dt is {dt}; it must be positive.",
+            cause="a wrong sign, or 0 for continuous time.",
+            fix="dt in seconds, above 0; or in_continuous_time=True",
+        )
+    return dt

@@ -20,7 +20,7 @@ import numpy as np
 
 from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.errors import UsageError
-from heli3dof.model.base import LoopResult, LoopTask
+from heli3dof.model.base import LoopResult, LoopTask, checked_interval
 from heli3dof.model.effects import PlugIn, broken, plug_ins, term, terms
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics.parametrisation import Structure
@@ -118,13 +118,7 @@ class GreyBoxModel:
         from heli3dof.model.discretisation import to_control
         from heli3dof.model.greybox.linearisation import linear
 
-        if dt is not None and not 0 < dt < np.inf:
-            raise UsageError(
-                f"dt is {dt}; it must be positive.",
-                cause="a wrong sign, or 0 for continuous time.",
-                fix="dt in seconds, above 0; or in_continuous_time=True",
-            )
-        model, states = linear(self, self.profile.dt if dt is None else dt)
+        model, states = linear(self, self.profile.dt if dt is None else checked_interval(dt))
         return to_control(model, in_continuous_time=in_continuous_time, states=states)
 
     def to_dict(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ import numpy as np
 from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.model.base import LoopResult, LoopTask
+from heli3dof.model.base import LoopResult, LoopTask, checked_interval
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec, Profile, recorded_profile
 
@@ -87,9 +87,9 @@ class LinearModel:
 
         Resampling is possible if the model is the exact zero-order hold of a continuous-time model
         (field `exact_hold`). Any other model is returned unchanged if ``dt`` is within 1 % of the
-        model's interval. Otherwise raises RecordingError.
+        model's interval. Otherwise raises RecordingError; for ``dt`` ≤ 0, UsageError.
         """
-        off = abs(dt / self.dt - 1)
+        off = abs(checked_interval(dt) / self.dt - 1)
         if self.exact_hold and off > 1e-9:
             from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
