@@ -153,12 +153,14 @@ def _models(name: str, value: Any, given: Given) -> Any:
     if callable(value):
         return value
 
+    several = _several(value)
+
     def models(recording: Recording | None) -> list[Any]:
         rig = {} if recording is None else {"profile": recording.profile}
-        return [_model(f"{name}[{k}]", model, rig) for k, model in enumerate(_several(value))]
+        return [_model(f"{name}[{k}]", model, rig) for k, model in enumerate(several)]
 
     checked = models(None)
-    return models if any(isinstance(m, str) for m in _several(value)) else checked
+    return models if any(isinstance(model, str) for model in several) else checked
 
 
 def _seed(name: str, value: Any, given: Given) -> int:
@@ -172,7 +174,7 @@ def _seed(name: str, value: Any, given: Given) -> int:
 
 
 def _positive(name: str, value: Any, given: Given) -> Any:
-    """Return one positive number, or a sequence of them, as it was given."""
+    """Return ``value``, one positive number or several, as it was given."""
     try:
         good = value is None or all(0 < float(v) < math.inf for v in _several(value))
     except (TypeError, ValueError):
@@ -183,7 +185,12 @@ def _positive(name: str, value: Any, given: Given) -> Any:
             cause="a wrong sign, or text where a number belongs.",
             fix=f"{name} in seconds, above 0",
         )
-    return _several(value) if name in ("horizons_s", "intervals_s") else value
+    return value
+
+
+def _positives(name: str, value: Any, given: Given) -> list[Any]:
+    """Return one or several positive numbers as a list."""
+    return _several(_positive(name, value, given))
 
 
 def _three_angles(name: str, value: Any, given: Given) -> tuple[Any, ...]:
@@ -211,8 +218,8 @@ CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
     "model": _model,
     "models": _models,
     "seed": _seed,
-    "horizons_s": _positive,
-    "intervals_s": _positive,
+    "horizons_s": _positives,
+    "intervals_s": _positives,
     "dt": _positive,
     "target_deg": _three_angles,
     "angles_deg": _three_angles,

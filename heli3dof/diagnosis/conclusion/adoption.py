@@ -82,8 +82,9 @@ MIN_GAIN = TIE / 2
 LARGE_GAIN = 12.0
 """Least gain in log-likelihood in condition 3. With an exact likelihood and without the effect, the
 mean of exp Δℓ on held-out data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's
-inequality). If the scores scatter κ times as much as the likelihood states, it may reach
-3·10⁻⁴ (κ = 2) or 5·10⁻³ (κ = 3.7)."""
+inequality). If the variance of the scores is κ times that of an exact likelihood, this probability
+is at most 1 − Φ(√(2 · 12/κ)): 3·10⁻⁴ for κ = 2. A phase or instant that is estimated on the
+held-out data raises the mean by about √(2π) z, z the torque's size in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)

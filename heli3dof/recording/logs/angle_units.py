@@ -99,15 +99,11 @@ def _check_angle(
     ratio = None if found is None else found[0]
     warnings: list[str] = []
     if found is not None and found[1] < AGAINST:
+        other = ", or front and back are swapped or are sum and difference"
         warnings.append(
             minus(
                 f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign may be "
-            )
-            + "wrong"
-            + (
-                ", or front and back are swapped or are sum and difference."
-                if axis == "pitch"
-                else "."
+                f"wrong{other if axis == 'pitch' else ''}."
             )
         )
     if not on_grid(values, TURN[unit] / counts):
