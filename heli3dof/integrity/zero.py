@@ -18,8 +18,10 @@ import numpy as np
 
 from heli3dof.axes import ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.remedies import angle_remedy, column_of, is_log
 from heli3dof.integrity.view import View
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
+from heli3dof.recording.recording import Recording
 
 NEAR = np.radians(3.0)
 """rad; also the standard deviation of the reported angle"""
@@ -46,10 +48,22 @@ def zero(view: View) -> Iterable[Fault]:
         f"{r.name}: roll starts at {np.degrees(start):.3g}°, never goes below it and flies near "
         f"{np.degrees(hover):.3g}°; the profile's rest angle is {np.degrees(rest):.4g}°.",
         "roll was zeroed with the arm on the table instead of level.",
-        f"add {-size:.4g}° to the logged roll, or set encoder.roll_rest_deg to the rest angle",
+        _remedy(r, start - rest),
         effect="encoder.offset", axis="roll",
         parameters={"angle_deg": (float(size), float(np.degrees(NEAR)))}, confidence=0.95,
     )  # fmt: skip
+
+
+def _remedy(recording: Recording, error_rad: float) -> str:
+    """Return how to correct a roll that is too large by ``error_rad``."""
+    error_deg = np.degrees(error_rad)
+    if not is_log(recording):
+        return (
+            f"subtract {error_deg:.4g}° from roll; on the rig: heli3dof zero with the arm on the "
+            "table, and record again"
+        )
+    in_rad = column_of(recording, "roll")[0].endswith("_rad")
+    return angle_remedy(recording, "roll", f"{{}} - {error_rad if in_rad else error_deg:.4g}", "")
 
 
 CHECKS = (Check("encoder.zero", Stage.VALUES, "roll zeroed on the table instead of level", zero),)

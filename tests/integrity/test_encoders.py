@@ -237,7 +237,15 @@ def test_a_roll_zeroed_on_the_table_is_bad_data(plan: str) -> None:
     fault = only(with_angle(r, 0, r.angle[:, 0] - r.angle[0, 0]))
     assert (fault.check, fault.effect, fault.axis) == ("encoder.zero", "encoder.offset", "roll")
     assert fault.parameters["angle_deg"][0] == pytest.approx(27.5, abs=0.1)
-    assert "add -27.5°" in fault.fix
+    assert "subtract 27.5° from roll" in fault.fix
+
+
+def test_a_log_zeroed_on_the_table_is_corrected_by_the_expression_of_its_column() -> None:
+    r = flight("rich")
+    zeroed = with_angle(r, 0, r.angle[:, 0] - r.angle[0, 0])
+    assert only(as_log(zeroed)).fix == "import the log with --map 'roll_deg=roll_deg - 27.5'"
+    mapped = as_log(zeroed, roll_rad="x[3]/2")
+    assert only(mapped).fix == "import the log with --map 'roll_rad=(x[3]/2) - 0.48'"
 
 
 def test_a_flight_from_level_or_with_an_offset_was_not_zeroed_on_the_table() -> None:
