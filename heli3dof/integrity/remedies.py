@@ -6,6 +6,7 @@ encoder counts, so the profile's counts and rest angles do not change the angles
 
 from __future__ import annotations
 
+from heli3dof.axes import MOTORS
 from heli3dof.recording.logs.known_names import as_options
 from heli3dof.recording.recording import Recording
 
@@ -47,12 +48,19 @@ def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) ->
     return f"set {in_profile} in the profile, and record again"
 
 
-def voltage_remedy(recording: Recording, front: str, back: str) -> str:
-    """Return ``--map`` options that compute both motors' voltages.
+def voltage_remedy(recording: Recording, front: str = "{f}", back: str = "{b}") -> str:
+    """Return how to compute the motors' voltages: ``--map`` options for a log.
 
-    ``front``, ``back``: expressions with ``{f}`` and ``{b}`` for the logged voltages.
+    ``front``, ``back``: expressions with ``{f}`` and ``{b}`` for the recorded voltages; the default
+    leaves a voltage as it is.
     """
-    (f_column, f), (b_column, b) = (column_of(recording, f"v_{m}_V") for m in ("front", "back"))
-    logged = {"f": operand(f), "b": operand(b)}
-    options = {f_column: front.format(**logged), b_column: back.format(**logged)}
-    return f"import the log with {as_options(options)}"
+    (f_column, f), (b_column, b) = (column_of(recording, f"v_{m}_V") for m in MOTORS)
+    recorded = {"f": operand(f), "b": operand(b)}
+    options = {
+        column: expression.format(**recorded)
+        for column, expression in ((f_column, front), (b_column, back))
+        if expression not in ("{f}", "{b}")
+    }
+    if is_log(recording):
+        return f"import the log with {as_options(options)}"
+    return "compute " + " and ".join(f"{c} as {e}" for c, e in options.items())

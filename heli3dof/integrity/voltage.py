@@ -93,7 +93,8 @@ def limit(view: View) -> Iterable[Fault]:
     if top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25:
         yield Fault(
             "voltage.limit", Kind.BAD_DATA, r.name, f"{exceeds}.",
-            "per cent of the limit instead of volts.", f"multiply by {v_max / 100:.4g}",
+            "per cent of the limit instead of volts.",
+            voltage_remedy(r, f"{v_max / 100:.4g}*{{f}}", f"{v_max / 100:.4g}*{{b}}"),
         )  # fmt: skip
     elif rows.mean() > DIFFERS and _reached_motors(view):
         yield Fault(
@@ -150,7 +151,8 @@ def unit(view: View) -> Iterable[Fault]:
             f"{mean[1]:+.3g} V on the back one: one lifts, the other pushes down.",
             f"the {other} motor's voltage is logged with the wrong sign (the motor is wired or "
             "mounted the other way round).",
-            f"change the sign of v_{other}_V", confidence=0.99,
+            voltage_remedy(r, front="-{f}") if other == "front" else
+            voltage_remedy(r, back="-{b}"), confidence=0.99,
         )  # fmt: skip
         return
     if subtracted(view):
@@ -170,7 +172,8 @@ def unit(view: View) -> Iterable[Fault]:
         f"{r.name}: the rig hovers at {h * V_o:.3g} V per motor, the profile's at {V_o:.3g} V.",
         "fractions of the limit (−1 … 1) instead of volts." if share else
         "kilovolts, DAC fractions or another unit instead of volts.",
-        f"multiply by {v_max:.4g}" if share else "convert the voltages to volts",
+        voltage_remedy(r, f"{v_max:.4g}*{{f}}", f"{v_max:.4g}*{{b}}") if share else
+        "convert the voltages to volts",
     )  # fmt: skip
 
 

@@ -54,6 +54,23 @@ def test_another_unit_is_named(factor: float, word: str) -> None:
     assert word in fault.cause
 
 
+@pytest.mark.parametrize("factor", [100 / 24, 1 / 24])
+def test_a_log_in_another_unit_is_corrected_by_the_expressions_of_its_columns(
+    factor: float,
+) -> None:
+    r = flight()
+    fault = only(
+        replace(
+            r, voltage=factor * r.voltage, voltage_cmd=np.full_like(r.voltage, np.nan),
+            meta={"name": "log", "source": "import", "log_mapping": {"v_back_V": "u[1]+0"}},
+        )
+    )  # fmt: skip
+    k = f"{1 / factor:g}"
+    assert fault.fix == (
+        f"import the log with --map 'v_front_V={k}*v_front_V' --map 'v_back_V={k}*(u[1]+0)'"
+    )
+
+
 def about_hover(r: Recording) -> Recording:
     """Return the flight as a log with voltages less the profile's hover voltage."""
     return replace(
@@ -214,4 +231,5 @@ def test_a_wrong_sign_of_one_motor_is_not_another_unit(motor: int) -> None:
     sign = np.where(np.arange(2) == motor, -1.0, 1.0)
     fault = only(replace(r, voltage=r.voltage * sign, voltage_cmd=r.voltage_cmd * sign))
     assert (fault.check, fault.kind) == ("voltage.sign", Kind.BAD_DATA)
-    assert fault.fix == f"change the sign of v_{MOTORS[motor]}_V"
+    column = f"v_{MOTORS[motor]}_V"
+    assert fault.fix == f"compute {column} as -{column}"
