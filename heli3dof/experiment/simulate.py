@@ -10,7 +10,7 @@ from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.experiment.plan import Plan, checked
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.model.control.stability import check_loop
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.profile import Profile, default_profile
 
@@ -65,7 +65,7 @@ def simulate(
     # Counts are zero at the start, as in the loop.
     counts = np.round((result.angle - angle0) / grid)
     angle = angle0 + counts * grid if quantised else result.angle
-    return make_recording(
+    return recording_of_arrays(
         result.t,
         result.voltage,
         angle,

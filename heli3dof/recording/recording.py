@@ -213,7 +213,7 @@ def output_voltage(reported: np.ndarray, sent: np.ndarray) -> np.ndarray:
     return sent if np.isnan(reported).all() else reported
 
 
-def make_recording(
+def recording_of_arrays(
     t: ArrayLike,
     voltage: ArrayLike,
     angle: ArrayLike,

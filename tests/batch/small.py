@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from heli3dof.recording.recording import make_recording
+from heli3dof.recording.recording import recording_of_arrays
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 
@@ -22,7 +22,7 @@ def write_small(path: Path, *, rig: str = "K1", plan: str = "rich", roll_deg: fl
     angle[:, 0] = np.deg2rad(roll_deg) * t / t[-1]
     voltage = np.full((500, 2), 7.456) + np.sin(t)[:, None]
     meta = {"name": path.stem, "plan": {"name": plan}, "started_utc": "2026-03-02T09:00:00+00:00"}
-    return write_recording(make_recording(t, voltage, angle, profile, meta=meta), path)
+    return write_recording(recording_of_arrays(t, voltage, angle, profile, meta=meta), path)
 
 
 def square(x: int) -> int:

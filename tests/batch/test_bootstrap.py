@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.batch.bootstrap import BLOCK_S, PAUSE_S, block_replicate, named_shares
 from heli3dof.errors import RecordingError
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 
 
@@ -18,7 +18,7 @@ def recording(seconds: float) -> Recording:
     t = np.arange(round(seconds * 500)) * 0.002
     angle = np.zeros((len(t), 3))
     angle[:, 0] = np.arange(len(t))
-    return make_recording(t, np.zeros((len(t), 2)), angle, default_profile())
+    return recording_of_arrays(t, np.zeros((len(t), 2)), angle, default_profile())
 
 
 def test_a_replicate_consists_of_whole_blocks_in_the_order_of_time() -> None:

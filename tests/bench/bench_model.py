@@ -11,7 +11,7 @@ from heli3dof.model.control.controller import Controller
 from heli3dof.model.linear.closed_loop import fly
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.prediction import predict
-from heli3dof.recording.recording import make_recording
+from heli3dof.recording.recording import recording_of_arrays
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, at_least, at_most
 from tests.bench.simulation_speed import simulation_speed
@@ -43,7 +43,7 @@ def predict_s() -> float:
     )  # fmt: skip
     model = hover_model(profile)
     flown = fly(model, task)
-    recording = make_recording(flown.t, flown.voltage, flown.angle, profile)
+    recording = recording_of_arrays(flown.t, flown.voltage, flown.angle, profile)
     best = np.inf
     for _ in range(3):
         start = time.perf_counter()

@@ -14,7 +14,7 @@ import numpy as np
 
 from heli3dof.errors import RecordingError
 from heli3dof.model.base import LoopResult, LoopTask
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
 
 PER_ROLL = 0.6604 * 0.1188 / 0.9145  # L_a K_f / J_roll, rad/s² per V
@@ -112,7 +112,7 @@ def flight(
     )
     result = (truth or FakeHover()).fly(task)
     noise = np.random.default_rng(seed).normal(0, np.radians(noise_deg), result.angle.shape)
-    return make_recording(
+    return recording_of_arrays(
         result.t,
         result.voltage,
         result.angle + noise,

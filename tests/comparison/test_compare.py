@@ -21,7 +21,7 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.recording.load import load
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile, load_profile
 from tests.comparison.fakes import FakeHover, WrongRate, flight
 from tests.flown import flown
@@ -184,7 +184,7 @@ def test_the_document_has_metrics_and_differences_per_axis_and_model() -> None:
 def test_the_document_of_an_unknown_controller_and_a_refused_model_is_valid() -> None:
     roll = 0.1 * np.sin(np.arange(0, 5, 0.002))
     one_angle = np.column_stack([roll, *[np.full(2500, np.nan)] * 2])
-    log = make_recording(
+    log = recording_of_arrays(
         np.arange(0, 5, 0.002),
         np.ones((2500, 2)),
         one_angle,

@@ -12,14 +12,14 @@ from heli3dof.comparison.prediction import (
     rows_within,
     stitched,
 )
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 
 
 def ramp(slope_deg_per_s: float = 2.0, duration_s: float = 12.0) -> Recording:
     t = np.arange(0, duration_s, 0.01)
     angle = np.radians(np.column_stack([slope_deg_per_s * t, 0 * t, -t]))
-    return make_recording(t, np.zeros((len(t), 2)), angle, default_profile())
+    return recording_of_arrays(t, np.zeros((len(t), 2)), angle, default_profile())
 
 
 def test_constant_angles_have_an_error_of_slope_times_horizon() -> None:

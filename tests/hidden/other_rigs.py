@@ -29,7 +29,7 @@ from scipy.linalg import solve_continuous_are
 from scipy.signal import bilinear
 
 from heli3dof.experiment.plan import Plan, Signals
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
@@ -241,7 +241,7 @@ def _log(
         within = np.arange(len(arrival)) % rig.burst
         t = arrival + 1e-5 * within
     n = len(t)
-    return make_recording(
+    return recording_of_arrays(
         t,
         asked[:n] if rig.before_limiter else np.clip(asked[:n], -v_max, v_max),
         angle[:n],

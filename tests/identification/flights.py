@@ -15,7 +15,7 @@ from numba import njit
 
 from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.model import LinearModel
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import Profile, default_profile
 
 PHYSICS = {
@@ -168,7 +168,7 @@ def flight(
         ref, extra, w, P, profile.controller.K_g, profile.motor.V_o, profile.motor.v_max,
         dt, quantum, -0.48 if rest else 0.0,
     )  # fmt: skip
-    return make_recording(
+    return recording_of_arrays(
         np.arange(n) * dt, v, y, profile, reference=ref, voltage_cmd=cmd, voltage_extra=extra,
         meta={"name": f"{kind}-{seed}"},
     )  # fmt: skip

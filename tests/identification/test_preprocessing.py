@@ -6,7 +6,7 @@ import pytest
 from heli3dof.errors import RecordingError
 from heli3dof.identification.preprocessing import checked_timing, prepare, segments
 from heli3dof.model.estimation.filter_data import RowRange
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 
 DT = 0.002
@@ -18,7 +18,9 @@ def flying(n: int = 10_000, seed: int = 0, t: np.ndarray | None = None) -> Recor
     t = np.arange(n) * DT if t is None else t
     angle = 0.1 * np.sin(t[:, None] * [0.7, 1.1, 0.3]) + 1e-3 * rng.standard_normal((n, 3))
     voltage = 7.4 + rng.standard_normal((n, 2))
-    return make_recording(t, voltage, angle, default_profile(), meta={"name": f"flying-{seed}"})
+    return recording_of_arrays(
+        t, voltage, angle, default_profile(), meta={"name": f"flying-{seed}"}
+    )
 
 
 def test_segments_hold_mean_voltages_and_angles_at_the_interval_start() -> None:

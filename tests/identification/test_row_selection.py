@@ -7,7 +7,7 @@ import numpy as np
 from heli3dof.axes import YAW
 from heli3dof.identification.row_selection import clipped, unusable, usable_runs
 from heli3dof.model.estimation.filter_data import data_of
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 from tests.identification.test_preprocessing import flying
 
@@ -21,7 +21,7 @@ def flight(
     t = np.arange(n) * DT
     angle = np.deg2rad(np.column_stack([roll_deg, pitch_deg + np.sin(t), np.cos(t)]))
     voltage = np.broadcast_to(np.reshape(volts, (-1, 1)), (n, 2)).copy()
-    return make_recording(t, voltage, angle, default_profile())
+    return recording_of_arrays(t, voltage, angle, default_profile())
 
 
 def from_the_table() -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.recording.row import Row
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
@@ -48,7 +48,7 @@ def flight(
     angle = np.column_stack([roll, pitch, yaw])
     if quantised:
         angle = np.rint(angle / STEP) * STEP
-    return make_recording(
+    return recording_of_arrays(
         np.arange(n) * dt,
         np.clip(V + profile.motor.V_o, -profile.motor.v_max, profile.motor.v_max),
         angle,

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heli3dof.recording.gap_filling import fill_gaps
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 
 DT = 0.002
@@ -16,7 +16,7 @@ DT = 0.002
 def counting(t: np.ndarray) -> Recording:
     """Row k holds k in every column."""
     k = np.arange(len(t), dtype=float)[:, None]
-    return make_recording(
+    return recording_of_arrays(
         t, k * [1, 1], k * [1, 1, 1], default_profile(), reference=k * [1, 1, 1],
         voltage_extra=k * [1, 1], channels={"phase": k[:, 0]},
     )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.recording import make_recording
+from heli3dof.recording.recording import recording_of_arrays
 from tests.recording.make import flight, open_profile
 
 
@@ -39,7 +39,7 @@ def test_the_repr_of_many_channels_counts_those_that_it_does_not_list() -> None:
 
 
 def test_an_empty_recording_has_a_repr() -> None:
-    none = make_recording(np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), open_profile())
+    none = recording_of_arrays(np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), open_profile())
     assert "0 samples" in repr(none)
 
 

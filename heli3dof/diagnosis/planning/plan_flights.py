@@ -17,7 +17,7 @@ from heli3dof.experiment.simulate import simulate
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.control.stability import check_loop
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import Profile
@@ -87,7 +87,7 @@ def _reference_recording(task: Task) -> Recording:
     s = task.signals
     n = len(s.t)
     rest = np.tile(task.profile.encoder.rest_rad, (n, 1))
-    return make_recording(
+    return recording_of_arrays(
         s.t, np.zeros((n, 2)), rest, task.profile,
         reference=s.reference, voltage_extra=s.extra,
         channels={"phase": np.full(n, float(CLOSED_LOOP))},

@@ -12,8 +12,7 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.recording import Recording
-from heli3dof.recording.recording import make_recording as recording_of_arrays
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.log_columns import ANGLES, KNOWN, VOLTAGES
 from heli3dof.rig.profile import Profile
 

@@ -15,7 +15,7 @@ from heli3dof.diagnosis.conclusion.doubtful_findings import (
     size,
 )
 from heli3dof.identification.greybox.method import fit_greybox
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 from tests.identification.known_flights import fly
 
@@ -37,7 +37,7 @@ def test_the_share_is_zero_between_lines_and_for_a_constant_signal() -> None:
 
 def test_without_a_logged_reference_the_angles_give_the_commanded_motion() -> None:
     t = np.arange(15_000) * 0.002
-    r = make_recording(t, np.zeros((len(t), 2)), np.zeros((len(t), 3)), default_profile())
+    r = recording_of_arrays(t, np.zeros((len(t), 2)), np.zeros((len(t), 3)), default_profile())
     swings = np.stack([0.0 * t, 0.2 * np.sin(2 * np.pi * 0.2 * t), 0.0 * t], axis=1)
     nothing = np.full_like(swings, np.nan)
     assert is_in_motion(replace(r, reference=nothing, angle=swings), 0.2)

@@ -3,8 +3,9 @@
 - `body`: kinetics of point masses; `effects`: formulas and sizes of the hidden effects;
 - `loop`: integration, controller, encoders, noise; `draw`: rigs, flights, sizes of the effects.
 
-Of heli3dof, it imports only the data that a user hands over: `Recording` with `make_recording`, and
-`Profile` with `profile_from_dict`. Agreement with a diagnosis is therefore no shared mistake.
+Of heli3dof, it imports only the data that a user hands over: `Recording` with
+`recording_of_arrays`, and `Profile` with `profile_from_dict`. Agreement with a diagnosis is
+therefore no shared mistake.
 """
 
 import hashlib

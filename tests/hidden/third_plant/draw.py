@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import Profile, profile_from_dict
 from tests.hidden.third_plant import body
 from tests.hidden.third_plant.effects import AXES, CHEESEMAN_BENNETT, EFFECTS, Effect, nominal
@@ -338,7 +338,7 @@ def profile(loop: Loop, known: bool) -> Profile:
 
 def _recording(loop: Loop, task: Task, log: Log, known: bool, commands: bool) -> Recording:
     k = task.lead
-    return make_recording(
+    return recording_of_arrays(
         np.arange(len(log.voltage) - k) / loop.rate_hz, log.voltage[k:], log.reading[k:],
         profile(loop, known),
         reference=task.reference[k:] if known else None,

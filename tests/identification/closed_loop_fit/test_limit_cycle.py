@@ -21,7 +21,7 @@ from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.load import load
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import load_profile
 from tests.paths import REAL_DATA, needs_real_data
 from tests.recording.make import open_profile
@@ -35,7 +35,7 @@ def counts_of(y: np.ndarray) -> Recording:
     q = np.abs(open_profile().encoder.rad_per_count)
     t = np.arange(len(y)) / RATE_HZ
     others = np.round(np.outer(t, [40.0, 40.0]))
-    return make_recording(
+    return recording_of_arrays(
         t, np.full((len(t), 2), 7.0), np.column_stack([y, others]) * q, open_profile()
     )
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 
 
 def log(**lost: int) -> Recording:
     """Ten rows without the angles that are named."""
     angle = np.zeros((10, 3))
-    r = make_recording(np.arange(10) * 0.002, np.zeros((10, 2)), angle, default_profile())
+    r = recording_of_arrays(np.arange(10) * 0.002, np.zeros((10, 2)), angle, default_profile())
     angle[:, list(lost.values())] = np.nan
     return replace(r, angle=angle)
 

@@ -14,7 +14,7 @@ from heli3dof.model.linear.closed_loop import fly
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.linear.prediction import kalman_gains, predict
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from tests.model.examples import DEG, PROFILE, in_another_basis, step_task
 from tests.model.linear.test_initial_state import with_rotor_lag
 from tests.pace import timed
@@ -26,7 +26,7 @@ GRID = PROFILE.encoder.rad_per_count
 
 def recorded(result: LoopResult, *, quantised: bool = True) -> Recording:
     angle = np.round(result.angle / GRID) * GRID if quantised else result.angle
-    return make_recording(result.t, result.voltage, angle, PROFILE)
+    return recording_of_arrays(result.t, result.voltage, angle, PROFILE)
 
 
 def hover_flight(duration_s: float = 12.0, **options: bool) -> Recording:
@@ -42,14 +42,14 @@ def noisy(model: LinearModel, N: int, seed: int) -> tuple[Recording, np.ndarray]
     for k in range(N):
         y[k] = model.C @ x + model.y0 + e[k]
         x = model.A @ x + model.B @ (v[k] - model.u0) + model.K @ e[k]
-    return make_recording(np.arange(N) * model.dt, v, y, PROFILE), e
+    return recording_of_arrays(np.arange(N) * model.dt, v, y, PROFILE), e
 
 
 def innovation_model(order_seed: int = 0) -> LinearModel:
     """Rotors, a pendulum and a Kalman gain that is somebody's, in a random basis."""
     plant = with_rotor_lag(0.1, stiffness=1.0)
     sigma = np.diag([3e-4, 4e-4, 2e-4]) ** 2
-    record = make_recording(
+    record = recording_of_arrays(
         np.arange(3000) * 0.002, np.zeros((3000, 2)), np.zeros((3000, 3)), PROFILE
     )
     K = kalman_gains(plant, record, np.ones(3, bool))[-1]
@@ -212,7 +212,7 @@ def test_a_gain_without_a_noise_covariance_is_used_as_it_stands() -> None:
 def real_recording(name: str) -> Recording:
     """One of rig-a's logs, with Table I's rig for a profile: nothing about it is fitted."""
     table = np.genfromtxt(REAL_DATA / "rig-a" / name, delimiter=",", names=True)
-    return make_recording(
+    return recording_of_arrays(
         table["t_s"],
         np.column_stack([table["v_front_V"], table["v_back_V"]]),
         np.radians(np.column_stack([table[f"{a}_deg"] for a in ("roll", "pitch", "yaw")])),

@@ -7,7 +7,7 @@ import pytest
 
 from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.logs.sampling_clock import sampling_times, ticks
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from tests.recording.logs.test_sampling_jitter import STEP, motion
 from tests.recording.make import open_profile
 
@@ -17,7 +17,7 @@ DT = 0.002
 def log(stamps: np.ndarray, taken: np.ndarray) -> Recording:
     """Angles taken at one set of times (N,) s, logged with another."""
     angle = np.round(motion(taken) / STEP) * STEP
-    return make_recording(stamps, np.zeros((len(stamps), 2)), angle, open_profile())
+    return recording_of_arrays(stamps, np.zeros((len(stamps), 2)), angle, open_profile())
 
 
 def arrivals(t: np.ndarray, burst: int) -> np.ndarray:

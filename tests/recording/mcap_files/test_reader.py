@@ -16,7 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from heli3dof.errors import OutputExists, RecordingError
 from heli3dof.recording.mcap_files.reader import read_recording
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.pace import counted, timed
@@ -131,7 +131,7 @@ def recordings(draw: st.DrawFn) -> Recording:
         )
     )
     integers = st.integers(0, 1000)
-    return make_recording(
+    return recording_of_arrays(
         t,
         draw(hnp.arrays(float, (n, 2), elements=st.floats(-24, 24))),
         draw(hnp.arrays(float, (n, 3), elements=finite)),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from heli3dof.recording.recording import make_recording
+from heli3dof.recording.recording import recording_of_arrays
 from heli3dof.recording.viewers.scene import Poses, parts, pivot_height, poses
 from heli3dof.rig.profile import default_profile
 
@@ -20,7 +20,7 @@ H = pivot_height(PROFILE)
 def at(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> Poses:
     """The pose at angles in degrees."""
     angle = np.radians([[roll, pitch, yaw]] * 2)
-    return poses(make_recording([0.0, 0.002], np.zeros((2, 2)), angle, PROFILE))
+    return poses(recording_of_arrays([0.0, 0.002], np.zeros((2, 2)), angle, PROFILE))
 
 
 def in_base(pose: Poses, point: list[float]) -> np.ndarray:
@@ -80,7 +80,7 @@ def test_the_rotors_are_at_the_ends_of_the_body() -> None:
 
 def test_a_screen_gets_60_poses_per_second() -> None:
     t = np.arange(1000) / 500
-    found = poses(make_recording(t, np.zeros((1000, 2)), np.zeros((1000, 3)), PROFILE))
+    found = poses(recording_of_arrays(t, np.zeros((1000, 2)), np.zeros((1000, 3)), PROFILE))
     assert len(found.rows) == 120
     assert np.diff(t[found.rows]).max() <= 0.018 + 1e-9
 
@@ -89,6 +89,6 @@ def test_an_axis_without_an_encoder_is_drawn_at_zero_and_a_gap_is_left_out() -> 
     angle = np.full((3, 3), 0.1)
     angle[:, 2] = np.nan
     angle[1, 0] = np.nan
-    found = poses(make_recording([0.0, 0.1, 0.2], np.zeros((3, 2)), angle, PROFILE))
+    found = poses(recording_of_arrays([0.0, 0.1, 0.2], np.zeros((3, 2)), angle, PROFILE))
     assert found.rows.tolist() == [0, 2]
     np.testing.assert_allclose(Rotation.from_quat(found.arm).as_euler("zyx")[:, 0], 0.0, atol=1e-12)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from heli3dof.comparison.compare import compare
 from heli3dof.errors import OutputExists, UsageError
-from heli3dof.recording.recording import make_recording
+from heli3dof.recording.recording import recording_of_arrays
 from heli3dof.report.figures.comparison import axis_figures, comparison_figure, comparison_figures
 from heli3dof.report.figures.flight import flight_figure
 from heli3dof.report.figures.labelled_curves import Curve, angle_figure, spread
@@ -81,7 +81,7 @@ def test_a_diverged_model_gets_a_cross_inside_the_axes() -> None:
 def test_an_unknown_controller_shows_windows_that_start_at_the_data() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     recording = flight(duration_s=12.0, truth=FakeHover(thrust=0.9))
-    log = make_recording(
+    log = recording_of_arrays(
         recording.t, recording.voltage, recording.angle, profile, meta={"name": "log"}
     )
     figure = comparison_figure(compare([log], [FakeHover()]).flights[0], "roll")
@@ -93,7 +93,7 @@ def test_an_unknown_controller_shows_windows_that_start_at_the_data() -> None:
 def test_an_axis_that_was_not_recorded_has_no_panel_and_no_figure() -> None:
     t = np.arange(0, 4, 0.01)
     angle = np.column_stack([np.sin(t), *[np.full_like(t, np.nan)] * 2])
-    log = make_recording(t, np.zeros((len(t), 2)), angle, default_profile())
+    log = recording_of_arrays(t, np.zeros((len(t), 2)), angle, default_profile())
     assert len(flight_figure(log).axes) == 2
     assert list(axis_figures(compare([log], [FakeHover()]).flights[0])) == ["roll"]
 
