@@ -21,7 +21,7 @@ in a minute of the plan ``rich``)."""
 
 
 def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
-    """Return warnings of a poor link, each with likely cause and remedy; none for a good link.
+    """Return warnings of a poor link, each with likely cause and remedy; a good link has none.
 
     ``details`` is ``Recording.meta["outcome_details"]``, ``dt`` the control period in s.
     """

@@ -7,8 +7,8 @@ All angles y_i are displaced by the same δ_k::
 
 A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is the fit's residual at the middle
 sample, divided by √(1 − h), where h is this sample's leverage. The axes have δ in common, but not
-the errors from encoder steps and motion. So σ_t², the variance of δ, is estimated from the products
-e_i e_j, summed over samples and pairs of axes i < j:
+the errors from encoder steps and from motion that is no parabola. So σ_t², the variance of δ, is
+estimated from the products e_i e_j, summed over samples and pairs of axes i < j:
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 

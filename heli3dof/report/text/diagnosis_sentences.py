@@ -36,7 +36,7 @@ NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise 
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
-"""Largest number of names that a sentence lists; it then gives the number of the others."""
+"""Largest number of names that a sentence lists; of further names it gives only the number."""
 NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
 SCALE_PREFIX = "encoder.scale."
