@@ -1,4 +1,4 @@
-"""`check_distinct`: no samples are given twice for training, or also as hold-out data."""
+"""`check_distinct`: refuses equal training recordings, and hold-out data equal to one of them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from heli3dof.recording.recording import Recording
 
 
 def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
-    """Raise UsageError if two recordings contain the same samples, whatever their names.
+    """Raise UsageError if a recording in ``train`` has the same samples as another in either list.
 
-    Samples that are twice in ``train`` would count twice. Samples in both ``train`` and ``holdout``
-    would not be held out. Two equal recordings in ``holdout`` are allowed.
+    Names are not compared. Samples that are twice in ``train`` would count twice. Samples in both
+    ``train`` and ``holdout`` would not be held out. Equal recordings in ``holdout`` are allowed.
     """
     names = {r.digest: r.name for r in train}
     for r in holdout:

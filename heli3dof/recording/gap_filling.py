@@ -17,8 +17,8 @@ from heli3dof.recording.recording import Recording
 GAP = 1.5
 """Control periods: a longer interval between two rows is a gap."""
 HOLE_S = 1.0
-"""s: a gap this long is a hole: the log was cut, or the link was down. In shorter gaps, the rig
-held its voltage. Chosen."""
+"""s: a gap of at least this length is a hole: the log was cut, or the link was down. In shorter
+gaps, the rig held its voltage. Chosen, not derived."""
 
 
 def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:

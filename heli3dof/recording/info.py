@@ -1,7 +1,7 @@
 """`file_info`: describes a recording's file as a JSON-able dictionary.
 
-`file_info` also reads the intact part of a torn file (its end is missing, for example because the
-program was killed), and of a file with unreadable bytes in the middle.
+`file_info` also reads the intact part of a file with missing or unreadable bytes. A file is torn if
+its end is missing, for example because the program was killed.
 """
 
 from __future__ import annotations
@@ -39,8 +39,7 @@ def file_info(
 
     If the key ``torn`` is True, bytes are missing or unreadable. The summary then describes the
     intact part. The key ``damage`` is a sentence on the damage, and ``fix`` is the command that
-    copies the intact part. Raises RecordingError and
-    UsageError, as `load` does.
+    copies the intact part. Raises RecordingError and UsageError, as `load` does.
     """
     return read_with_info(path, profile, columns)[1]
 

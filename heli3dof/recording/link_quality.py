@@ -2,7 +2,7 @@
 
 It warns of a latency above one control period, of lost samples, of rejected samples, and of
 commands that the next sample does not acknowledge. The recording contains these values, so
-``heli3dof info`` prints the same warnings as a flight at its end.
+``heli3dof info`` can repeat the warnings that end a flight's output.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ from typing import Any
 
 SLOW_PERIODS = 1.05
 """Largest median command-to-echo latency without a warning, in control periods. A device without
-delay stays below 1; the margin allows for the histogram's bins (1 %) and the two clocks' drift."""
+delay stays below 1. The margin allows for bins of 1 % in the latency's histogram, and for the drift
+between the device's clock and the host's."""
 LOSS_SHARE = 0.01
 """Largest share of lost samples, or of unacknowledged commands, that gives no warning. A loss of
-1 % moves no estimate of ``identify`` by 0.1 σ (a minute of the plan ``rich``, random losses)."""
+1 % changes each estimate of ``identify`` by less than 0.1 of its standard deviation (random losses
+in a minute of the plan ``rich``)."""
 
 
 def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
-    """Return warnings of a poor link, each with likely cause and remedy; none for a good link.
+    """Return warnings of a poor link, each with likely cause and remedy; a good link has none.
 
     ``details`` is ``Recording.meta["outcome_details"]``, ``dt`` the control period in s.
     """

@@ -73,10 +73,11 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 
 def profile_file(recordings: Sequence[Recording]) -> str | None:
-    """Return the profile's file that a further flight of these recordings' rig needs.
+    """Return the profile's file to name in the command for a further flight of the same rig.
 
-    It is a placeholder if the file is unknown, and None for the paper's rig, whose profile is the
-    default. Limits are not compared, because other versions have other default limits.
+    The result is None if the recordings have the default profile, so that no file is needed. Limits
+    are not compared for this, because other versions have other default limits. If the file is
+    unknown, or differs between the recordings, the result is the placeholder ``PROFILE.toml``.
     """
     default = default_profile()
     same_limits = {"limits": default.limits}

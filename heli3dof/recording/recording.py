@@ -40,7 +40,7 @@ class Recording(Result):
     """
 
     t: FloatArray
-    """(N,) s, sampling times by the device's clock or the log; increasing unless faulty."""
+    """(N,) s, sampling times from the device's clock or the log; increasing, if the clock works."""
     voltage: FloatArray
     """(N, 2) V, front and back motor, at the amplifier, after the limiter."""
     angle: FloatArray
@@ -57,7 +57,7 @@ class Recording(Result):
     meta: Mapping[str, Any] = field(default_factory=dict)
     """Provenance (JSON-able): name, source, plan, seed, versions, hashes, outcome."""
     identified_controller: LinearController | None = None
-    """Controller identified from this recording, instead of the profile's; never stored."""
+    """Controller identified from this recording; replaces the profile's. No file contains it."""
 
     def __post_init__(self) -> None:
         n = self.t.size
@@ -143,7 +143,10 @@ class Recording(Result):
         return tuple(a for i, a in enumerate(AXES) if not np.isnan(self.angle[:, i]).all())
 
     def has_reference(self, axis: str) -> bool:
-        """Return True if the reference of ``axis`` was logged; raise UsageError for no axis."""
+        """Return True if the reference of ``axis`` was logged.
+
+        Raises UsageError for an unknown axis.
+        """
         if axis not in AXES:
             raise UsageError(
                 f"There is no axis {axis!r}.",

@@ -42,9 +42,9 @@ INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
     """Write a recording to the MCAP file ``path`` and return the path.
 
-    `read_recording` restores equal arrays, channels and meta. Raises OutputExists if the
-    file exists, unless ``force``; UsageError (for
-    instance another format's ending, such as .csv) or NoSpace if the file cannot be written.
+    `read_recording` restores equal arrays, channels and meta. Raises OutputExists if the file
+    exists, unless ``force``; NoSpace or UsageError if the file cannot be written. The ending of
+    another format, such as .csv, also raises UsageError.
     """
     path = Path(path)
     check_ending(path, ".mcap")

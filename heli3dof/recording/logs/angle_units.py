@@ -2,8 +2,8 @@
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
    revolution. Values on the grid of one unit are not on the other grid.
-2. Size: roll and pitch stay within half a revolution, and every angle in radians within the
-   profile's ``limits.yaw_max_deg``.
+2. Size: roll and pitch stay within ±180°, and every angle in radians within the profile's
+   ``limits.yaw_max_deg``.
 3. Newton's law, for roll and pitch: over windows of length T, the second difference of an angle q
    is the torque M over the inertia J, integrated twice:
 
@@ -233,9 +233,9 @@ def newton(
 
     ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
     parameters. Returns the ratio of standard deviations, difference to torque, about 1 in the right
-    unit; and the correlation of both, positive with the right sign. Returns None for yaw, for
-    fewer than eight windows, if the torque explains less than about one count of motion, or if the
-    angle is constant.
+    unit; and the correlation of both, positive with the right sign. Returns None for yaw and for
+    fewer than eight windows. Returns None also if the torque explains less than about one count of
+    motion, or if the second difference is constant.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))

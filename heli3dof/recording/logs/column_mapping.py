@@ -39,9 +39,10 @@ def _restricted(name: str, arguments: int = 1) -> Callable[..., Any]:
 
 
 def _unwrap(*values: Any) -> Any:
-    """Return an angle (N,) without jumps of a whole turn: 2π, or 360 if it spans more than 2π.
+    """Return an angle (N,) without jumps of a whole turn.
 
-    An angle in radians that is wrapped spans at most one turn, 2π.
+    A turn is 360 if the values span more than 1.01 · 2π, because wrapped radians span at most 2π.
+    Otherwise it is 2π.
     """
     if len(values) != 1:
         raise TypeError("unwrap takes 1 value")

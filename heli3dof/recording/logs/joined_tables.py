@@ -21,8 +21,8 @@ SAME_INSTANT = 0.1
 SAME_RATE = 0.01
 """Logs have the same rate if their periods differ by less than this share (a convention)"""
 PARTNERS = 0.5
-"""Least share of the first log's samples in the common time range that every other log must also
-contain (a convention)"""
+"""In the time range common to all logs, at least this share of the first log's samples must have a
+sample at the same instant (`SAME_INSTANT`) in every other log (a convention)"""
 
 
 def rises(values: np.ndarray) -> bool:
@@ -50,7 +50,8 @@ def join(tables: Sequence[Table]) -> Table:
 
     A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
     table without a clock must have as many samples as the first table with a clock. Raises
-    RecordingError otherwise, and for clocks with different rates or instants, or without overlap.
+    RecordingError if it has not, and for clocks with different rates or instants, or without
+    overlap.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:

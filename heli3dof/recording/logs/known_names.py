@@ -82,7 +82,7 @@ def as_options(mapping: Mapping[str, str]) -> str:
 def _key(name: str) -> tuple[str, str | None]:
     """Return a name in lower case without separators and unit, and the unit.
 
-    The unit is deg, rad, s, ms, or None for another or none.
+    The unit is deg, rad, s or ms; None for any other unit, or if the name has no unit.
 
     >>> _key("Elevation (deg)"), _key("theta_ref"), _key("Vf [V]")
     (('elevation', 'deg'), ('thetaref', None), ('vf', None))

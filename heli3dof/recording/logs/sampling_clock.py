@@ -53,11 +53,12 @@ class Ticks:
     """Sampling clock of N samples: the samples' numbers n_k, the period and the jitter."""
 
     number: np.ndarray
-    """(N,) numbers n_k of the samples, from zero, including lost samples"""
+    """(N,) numbers n_k of the samples, from zero; lost samples are counted too"""
     period_s: float
     jitter_s: float
     """s, standard deviation of ε"""
     jitter_std_s: float
+    """s, standard error of ``jitter_s``"""
 
     @property
     def missing(self) -> np.ndarray:
@@ -77,7 +78,7 @@ class Ticks:
 
 
 def ticks(t: np.ndarray) -> Ticks:
-    """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 10."""
+    """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 2."""
     number = np.arange(len(t)) if in_bursts(t) else _counted(t)
     jitter, freedom = _scatter(number, t)
     return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * max(freedom, 1))))

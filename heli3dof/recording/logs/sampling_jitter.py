@@ -7,12 +7,12 @@ All angles y_i are displaced by the same δ_k::
 
 A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is the fit's residual at the middle
 sample, divided by √(1 − h), where h is this sample's leverage. The axes have δ in common, but not
-the errors from encoder steps and motion. So σ_t², the variance of δ, is estimated from the products
-e_i e_j, summed over samples and pairs of axes i < j:
+the errors from encoder steps and from motion that is no parabola. So σ_t², the variance of δ, is
+estimated from the products e_i e_j, summed over samples and pairs of axes i < j:
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 
-with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
+q is the encoder's step, τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
 
 The standard deviation of σ_t² is estimated by a jackknife over blocks of `BLOCK_S`. Without jitter,
 σ_t² divided by this standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of freedom;
@@ -100,9 +100,9 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals e (rad) and slopes (rad/s) of parabolas fitted to one angle.
 
-    Each parabola is fitted to 2 ``half`` + 1 samples. Both results (N − 2 ``half``,) are for its
-    middle sample; e is defined in the head of this file. ``t`` (N,) s: times; ``y`` (N,) rad: the
-    angle.
+    Each parabola is fitted to 2 ``half`` + 1 samples; its residual and slope are those at the
+    middle sample. Both results have the shape (N − 2 ``half``,). The module's docstring defines e.
+    ``t`` (N,) s: times; ``y`` (N,) rad: the angle.
     """
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view

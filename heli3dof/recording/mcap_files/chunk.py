@@ -3,9 +3,9 @@
     Chunk: head, compressed rows | MessageIndex of each channel: head, n × (time, offset)
 
 The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
-the heap. If zstd knew the size of each chunk, it would fit its internal buffer (half a MiB) to this
-size, and replace the buffer when the size changes much. `ChunkMaker` therefore gives zstd only the
-size `CHUNK_BYTES`, for which zstd keeps one buffer from the first chunk on.
+the heap. If zstd knew each chunk's size, it would fit its internal buffer (half a MiB) to this
+size. It would replace the buffer when the size changed much. `ChunkMaker` therefore gives zstd only
+the size `CHUNK_BYTES`, for which zstd keeps one buffer from the first chunk on.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CHUNK_BYTES = 32 * 1024
 LEVEL = 3
 """zstd's compression level (its default)"""
 BEFORE_LENGTH = 9
-"""Bytes of a record's opcode (1) and length (8), which the length does not count"""
+"""Number of bytes of a record's opcode (1) and length (8); the length counts only later bytes"""
 
 
 def rows_of_chunk(rows: RowFormat) -> int:

@@ -1,7 +1,8 @@
 """Build the chunk index at the end of an MCAP file, from the heads of the chunks in the file.
 
-An index kept in memory would grow by an entry every 0.15 s of flight. Each chunk's head contains
-the data of its index entry. The length of its message indexes follows from its number of rows n:
+An index kept in memory would grow by an entry every 0.15 s of flight, so none is kept. Each chunk's
+head contains the data of its index entry, except the length of the chunk's message indexes. This
+length follows from the chunk's number of rows n:
 
     n = uncompressed size / bytes per row        each message index has 15 + 16 n bytes
 

@@ -58,7 +58,8 @@ class RecordingWriter:
     ) -> None:
         """Create the file and write the profile and ``meta`` (see `provenance`) to it.
 
-        The time of t = 0 is now. Raises OutputExists (without ``force``), UsageError or NoSpace.
+        The time of this call becomes the log time of t = 0. Raises OutputExists (without
+        ``force``), UsageError or NoSpace.
         """
         self.path = Path(path)
         self.start_ns = time.time_ns()

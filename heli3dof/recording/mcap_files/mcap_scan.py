@@ -223,7 +223,9 @@ def channel_names(found: Scan) -> list[str]:
 
 
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
-    """Return the complete records from byte ``at`` through a footer, and the byte where they end.
+    """Return the complete records from byte ``at`` on, and the byte offset after the last of them.
+
+    They end with the first footer, or before the first incomplete or invalid record.
 
     A record is (opcode, offset of its content's first byte, offset of the byte after its content).
     """
@@ -340,7 +342,10 @@ def missing(path: Path) -> RecordingError:
 
 
 def damaged(path: Path, error: Damaged, where: str = "") -> RecordingError:
-    """Return the error for a file with damaged bytes; ``error``, ``where``: which damage, where."""
+    """Return the error for a file with damaged bytes.
+
+    ``error`` states the damage; ``where`` its place, as text such as `` in the middle``.
+    """
     return RecordingError(
         f"{path} is damaged{where}: {error}.",
         cause="the disk or a network copy changed some bytes.",

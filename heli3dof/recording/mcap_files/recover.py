@@ -1,6 +1,6 @@
 """`recover`: writes the intact part of a torn or damaged recording to a new file.
 
-Every complete chunk with a right checksum is kept, also behind unreadable bytes. An incomplete
+Every complete chunk with a correct checksum is kept, also after unreadable bytes. An incomplete
 chunk, about 0.15 s of a flight, is lost: its compressed bytes decode as a whole or not at all. The
 original file is not changed.
 """

@@ -2,8 +2,9 @@
 
 All fields have fixed width and are written in the order of their numbers, each after its tag. So
 all messages of a type have the same length and the same tags between their values. One
-``struct.pack`` encodes a message, one ``np.frombuffer`` decodes all, and any protobuf library reads
-them with the schema in the file. A tag has one byte for field numbers below 16, else two::
+``struct.pack`` encodes a row (defined below), one ``np.frombuffer`` decodes all rows. Any protobuf
+library reads the messages with the schema in the file. A tag has one byte for field numbers below
+16, else two::
 
     tag = field number << 3 | wire type      wire type 1: 8 bytes, 5: 4 bytes, little-endian
 

@@ -28,9 +28,9 @@ from heli3dof.rig.profile import Profile
 
 BASE, ARM, BODY = "base", "arm", "body"
 FRAMES_PER_S = 60.0
-"""1/s, number of poses per second of flight: the refresh rate of a usual screen"""
+"""1/s, largest number of poses per second of flight: the refresh rate of a usual screen"""
 THICKNESS = 0.04
-"""Thickness of arm, body and rotors as a share of L_a; it affects the picture only"""
+"""Thickness of arm and body as a share of L_a; it affects the picture only"""
 
 Colour = tuple[float, float, float]
 GREY: Colour = (0.45, 0.48, 0.51)

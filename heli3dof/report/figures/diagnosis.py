@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROOM = 1.35
-"""Ratio of a figure's vertical range to the range of the measured points in it (a convention)"""
+"""Ratio of a figure's vertical range to the range of zero, the measured points and their error bars
+(a convention)"""
 
 
 def diagnosis_figure(found: Diagnosis) -> Figure:

@@ -31,9 +31,12 @@ class FigureData:
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
     residual_torques: Sequence[ResidualTorque] = ()
     leftover_evidence: Sequence[TorqueCurve] = ()
+    """Each of ``residual_torques``, averaged in bins, in the same order"""
     gain: Gain | None = None
     before: HeldOut | None = None
+    """Predictions of held-out data without the causes"""
     after: HeldOut | None = None
+    """Predictions of the same data with the causes"""
     replayed: Sequence[Replayed] = ()
     names: Sequence[str] = ()
     """Names of the recordings on which predictions without and with the causes were compared"""

@@ -45,19 +45,21 @@ BINS = 24
 MIN_TIME_S = 0.1
 """s, least time in a bin; emptier bins are not drawn. Chosen; not derived."""
 BACKLASH = "encoder.backlash"
-"""The effect without a figure: its torque is no function of a variable."""
+"""An effect without a figure, because its torque is not a function of one variable"""
 DELAYS = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
-"""Effects that delay the voltage V by τ: the missing torque is τ K_f dV/dt."""
+"""Effects that delay the voltages V → variable of their figure. The torque of such an effect is
+proportional to dV/dt, to first order in the delay."""
 
 VOLTAGES = ("voltage_sum", "voltage_difference", "voltage_front", "voltage_back")
 ALTERNATIVES = ("roll", "pitch", *VOLTAGES[:2])
-"""Further variables for a torque that follows a voltage; the trim absorbs part of this torque."""
+"""Further variables that `_clearest` tries for an effect that depends on a voltage. The fitted trim
+absorbs part of the torque of such an effect."""
 ALTERNATIVES_OF = {
     **dict.fromkeys(VOLTAGES, ALTERNATIVES),
     "voltage_difference_slope": ("voltage_sum_slope",),
 }
 MIN_CLARITY_RATIO = 2.0
-"""Ratio of clarities (`_clearest`) from which a further variable is preferred. Chosen."""
+"""Ratio of clarities (`_clearest`) above which another variable replaces the best one. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +78,12 @@ class TorqueCurve:
     """(m,) each: variable, mean residual torque and its standard error, N·m"""
     curve_z: np.ndarray
     curve: np.ndarray
-    """(c,) each: variable and the cause's torque, N·m. It is averaged in bins, because the cause
-    may also depend on other variables"""
+    """(c,) each: variable and the cause's torque, N·m. The torque is averaged in bins, because the
+    cause may also depend on other variables"""
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
-    """Return the variable on the horizontal axis of an effect's figure; None if it has none."""
+    """Return the variable on the horizontal axis of an effect's figure; None for no figure."""
     if not effect.hooks or effect.name == BACKLASH:
         return None
     name = DELAYS.get(effect.name, effect.evidence).replace("{axis}", axis or "roll")
@@ -152,9 +154,10 @@ def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) ->
     """Return the variable and axis (0 to 2) for which the cause explains most residual torque.
 
     ``cause`` (N, 3): the cause's torque in N·m; ``names``: the variables to compare. Both torques
-    are averaged in bins of the variable. The clarity is the decrease of the residual torque's
-    weighted variance over the bins when the cause's torque is subtracted. Another variable replaces
-    the best one so far if its clarity is more than `MIN_CLARITY_RATIO` times as large.
+    are averaged in bins of the variable. S is the sum over the bins of the squared deviation from
+    the weighted mean; each weight is 1/σ², with the bin's standard error σ. The clarity is S of the
+    residual torque, minus S of the residual torque without the cause's torque. Another variable
+    replaces the best one so far if its clarity is more than `MIN_CLARITY_RATIO` times as large.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):

@@ -2,7 +2,7 @@
 
 The picture is an SVG image whose colours follow the reader's light or dark theme. The data hold the
 figure's panels with curves, bands and axes as JSON values; ``pages/assets/figures.js`` draws them
-with uPlot, so that a reader can zoom and read values. Both show the same matplotlib figure.
+with uPlot, so that a reader can zoom and read values. Picture and live figure show the same.
 
 A curve of more than `MOST_SAMPLES` samples is divided into buckets. Each bucket keeps its least and
 greatest sample, so no peak is lost, and its first NaN, which interrupts the curve.
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 2000
 """Largest number of samples per curve in the page; bounds a curve to about 30 kB (a convention)"""
 DIGITS = 6
-"""Significant digits of a sample, to resolve 1 ms in an hour, a hundredth of an encoder count"""
+"""Significant digits of a sample: they resolve 1 ms in a quarter of an hour, and 0.001° in 720°"""
 THEME = {
     "ink": (style.INK, "#e6edf3"),
     "faint": (style.SOFT, "#8d96a0"),
@@ -185,7 +185,10 @@ def _samples(x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Return the sorted indices of about ``most`` or fewer samples that keep the curve's shape.
+    """Return sorted indices of the samples of a curve ``y`` that keep its shape.
+
+    Their number is the curve's length, or about ``most`` for a longer curve. The module's docstring
+    states which samples are kept.
 
     >>> decimated(np.array([0.0, 0.0, 9.0, 0.0, 0.0, 0.0, -9.0, 0.0]), 4).tolist()
     [0, 2, 4, 6, 7]

@@ -1,9 +1,10 @@
-"""Draw predictions of the models "before" and "after" over the stretch where "before" is worst.
+"""Draw predictions of the models "before" and "after" over one stretch of the held-out data.
 
 "Before" is the refitted model without the causes, "after" the model with the causes. The held-out
 data are divided into stretches of `CELL_S` seconds (`heli3dof.diagnosis.validation.gain`). E is the
-RMSE of predictions 1 s ahead on one axis in one stretch. The stretch and axis drawn have the
-largest ratio E_before / median(E_after), with the median over all stretches of the axis.
+RMSE of predictions 1 s ahead on one axis in one stretch. The "worst" stretch and axis, which are
+drawn, have the largest ratio E_before / median(E_after). The median runs over all stretches, on the
+same axis.
 """
 
 from __future__ import annotations
@@ -42,10 +43,10 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis with the largest ratio of RMSE ``before`` to median ``after``.
+    """Return the stretch and axis with the largest ratio E_before / median(E_after).
 
-    ``before``, ``after``: predictions without and with the causes. The median is that of the axis
-    over all stretches. Returns None without predictions.
+    The module's docstring defines this ratio. ``before``, ``after``: predictions without and with
+    the causes. Returns None without predictions.
     """
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)

@@ -1,8 +1,9 @@
 """Write the first screen of the report: questions, each answered by a sentence and a picture.
 
 A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains,
-and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
-which model predicts best. Without both, an identification answers how well its model predicts.
+and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was, which
+model predicts best, and what to do next. Without both, an identification answers how well its model
+predicts.
 """
 
 from __future__ import annotations

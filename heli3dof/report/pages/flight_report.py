@@ -83,9 +83,10 @@ def flight_report(
 ) -> str:
     """Return the report of ``recordings`` as an HTML document.
 
-    ``models``: as of `heli3dof.comparison.compare.compare`. ``diagnosed`` is the result of
-    `heli3dof.diagnose`. Its replays are drawn for those of ``recordings`` that were held out, or
-    fitted if none was. ``reproduced`` is the result of `heli3dof.paper.reproduction.reproduce`.
+    ``models``: as in `heli3dof.comparison.compare.compare`. ``diagnosed`` is the result of
+    `heli3dof.diagnose`. Its replays are drawn for the held-out recordings among ``recordings``; if
+    none was held out, for the fitted ones. ``reproduced`` is the result of
+    `heli3dof.paper.reproduction.reproduce`.
     """
     models = models(recordings[0]) if callable(models) else models
     if isinstance(diagnosed, Diagnosis):

@@ -2,12 +2,11 @@
 
 A grey-box model is linearised about level hover for poles and Bode diagrams.
 
-The channels of the Bode diagrams follow the rig's symmetry: from the common voltage (V_F = V_B = V)
-to roll, from the difference (V_F = −V_B = V) to pitch and yaw. With the sampling interval Δt,
+V_F and V_B are the front and back motor's voltage. The channels of the Bode diagrams follow the
+rig's symmetry: from the common voltage (V_F = V_B = V) to roll, from the difference (V_F = −V_B =
+V) to pitch and yaw. A, B, C are the discrete model's matrices, Δt is the sampling interval:
 
     G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt, at most `HIGHEST`
-
-where A, B, C are the discrete model's matrices. V_F and V_B are the front and back motor's voltage.
 """
 
 from __future__ import annotations
@@ -118,8 +117,8 @@ def plant_poles(model: LinearModel) -> np.ndarray:
     """Return the continuous-time poles log(z)/Δt (rad/s) of a discrete model with the poles z.
 
     A pole z = 0 (a pure delay) is omitted. The poles of a discretised continuous model are computed
-    from the continuous model, because the repeated eigenvalue z = 1 of a chain of integrators is
-    ill-conditioned.
+    from the continuous model. The reason: a chain of integrators has a repeated eigenvalue z = 1,
+    which is ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))

@@ -34,7 +34,7 @@ from heli3dof.report.text.table import Grid
 EXPERIMENT = "experiment"
 DIFFERENCE = "  Δ"
 MOST_ROWS = 12
-"""Largest number of rows of the table of all models, so that it fits a screen"""
+"""Largest number of rows of `fit_table`, so that it fits a screen"""
 NO_ERRORS = np.full(len(AXES), np.nan)
 DELTA = "Δ: model minus experiment; the paper prints its magnitude."
 QUANTITIES = {
@@ -241,7 +241,8 @@ def fit_table(comparison: Comparison) -> Grid:
     """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
 
     The last row of each recording has the errors of predicting that the angles stay constant. If
-    this gives more than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
+    the table would have more than `MOST_ROWS` rows, it has one row per model instead, with the RMS
+    over all recordings.
     """
     horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]

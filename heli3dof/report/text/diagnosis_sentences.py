@@ -36,7 +36,7 @@ NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise 
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
-"""Largest number of names that a sentence lists; it then gives the number of the others."""
+"""Largest number of names that a sentence lists; of further names it gives only the number."""
 NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
 SCALE_PREFIX = "encoder.scale."
@@ -124,9 +124,9 @@ def refit_explains(document: Document) -> bool:
     (`heli3dof.diagnosis.validation.gain.removes_most`). With the verdict ``off_calibration`` the
     result is True without this test.
 
-    The refit contains no causes, so its parameters may only compensate for one. If causes were
-    adopted, a ratio of parameters must therefore differ from the profile with the causes in the
-    model (`changed_ratios`).
+    The refitted model lacks the causes, so its parameters may only compensate for a cause. The
+    document also has ratios of parameters that were fitted together with the causes. If causes were
+    adopted, one of these ratios must therefore differ from the profile's (`changed_ratios`).
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -144,7 +144,7 @@ def refit_explains(document: Document) -> bool:
 
 
 def changed_ratios(document: Document) -> list[Document]:
-    """Return the ratios of parameters that differ by more than two std from the profile's."""
+    """Return the ratios that differ by more than two standard deviations from the profile's."""
     ratios = document.get("ratios", ())
     return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
@@ -214,9 +214,9 @@ def faults(document: Document) -> Iterator[str]:
 def limits(document: Document) -> Iterator[str]:
     """Yield sentences on what limits the diagnosis.
 
-    They name the recordings that were not fitted, and the axes whose noise floor is more than
-    `NOISE_EXCESS` times the simulation error (RMSE of predictions with the profile's numbers). If
-    no recording is long enough to measure this error, a sentence states that.
+    The simulation error is the RMSE of predictions with the profile's numbers. The sentences name
+    the recordings that were not fitted, and the axes whose noise floor is more than `NOISE_EXCESS`
+    times this error. If no recording is long enough to measure it, a sentence states that.
     """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:

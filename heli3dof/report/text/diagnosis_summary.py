@@ -1,7 +1,8 @@
 """Summarise a diagnosis in about ten lines: what `heli3dof diagnose` prints without --verbose.
 
-After the verdict and faults, the lines state: how wrong the simulation is, the causes with their
-confidence, the RMSE without and with the causes, what no effect explains, and what to do next.
+After the verdict and faults, the lines state how wrong the simulation is, and the causes with their
+confidence. Then follow the RMSE without and with the causes, errors that no effect explains, and
+what to do next.
 """
 
 from __future__ import annotations

@@ -24,7 +24,10 @@ MOST_REASONS = 3
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
-    """Return a sentence on each change, then on each rig that differs from the other rigs."""
+    """Return a sentence on each change, then on each rig that differs from the other rigs.
+
+    Without a change, the first sentence states that none was found, or not searched for.
+    """
     found = [_group_sentence(group) for group in fleet.change_groups()]
     if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]

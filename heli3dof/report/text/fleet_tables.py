@@ -40,12 +40,12 @@ MAIN = (
 )
 """Columns of the main quantities, the most important first"""
 MOST_COLUMNS = 7
-"""Largest number of quantities in the first table, so that it fits into 100 characters"""
+"""Largest number of quantities in `rig_table`, so that it fits into 100 characters"""
 MARKS = "* changed or drifts; ! differs from the other rigs and is not in the last row."
 
 
 def rig_table(fleet: Fleet) -> Grid:
-    """Return a table of main quantities: a row per rig, and with several, a row of their means."""
+    """Return a table of the main quantities: a row per rig; with several rigs, also their means."""
     chosen = main_quantities(fleet)
     rows = []
     for rig in fleet.rigs:

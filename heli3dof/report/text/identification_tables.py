@@ -36,8 +36,8 @@ def identification_tables(found: Identification) -> list[Grid]:
 def identification_summary(found: Identification) -> list[str | Grid]:
     """Return what `heli3dof identify` prints without --verbose.
 
-    The result is the fits, the residual tests, the parameters, and the transfer functions from the
-    voltages' sum to roll and from their difference to pitch and yaw.
+    The result is the fits, the residual tests, the parameters and three transfer functions: from
+    the voltages' sum to roll, and from their difference to pitch and yaw.
     """
     lines: list[str | Grid] = [_scores(found)]
     if found.residuals:

@@ -28,6 +28,7 @@ class Grid:
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = ()
     text_columns: int = 1
+    """Number of columns at the left end that contain text; a narrow terminal repeats them"""
     prose_columns: int = 0
     """Number of columns at the right end that contain sentences; they align left too"""
 
@@ -44,7 +45,7 @@ class Grid:
         """Return the table and its notes as the library rich prints them on a terminal.
 
         No word is broken. If a table is wider than the terminal, its last columns follow below,
-        with the columns of text repeated.
+        after a copy of its ``text_columns`` first columns.
         """
         from rich.console import Group
         from rich.text import Text
@@ -103,8 +104,8 @@ class _FittingTable:
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
         """Return the widths of ``columns`` in characters, together at most ``width`` if possible.
 
-        Each column gets its least width. The rest widens columns from the left, up to the longest
-        line of each.
+        Each column gets its least width. The remaining characters widen the columns from left to
+        right, each at most to its longest line.
         """
         from rich.cells import cell_len
 
@@ -123,7 +124,7 @@ class _FittingTable:
         from rich.table import Table
         from rich.text import Text
 
-        # One space of padding per column, so that wide tables fit 80 columns.
+        # One space of padding per column, so that wide tables fit into 80 characters.
         table = Table(
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),

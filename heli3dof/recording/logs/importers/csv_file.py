@@ -121,9 +121,10 @@ def _two_bytes(data: bytes) -> str | None:
 
 
 def _header_line(lines: list[str]) -> int:
-    """Return the index of the header: the first line with as many cells as the first numbers below.
+    """Return the index of the header, the first line with as many cells as the numbers below it.
 
-    So titles above the header are skipped. Returns 0 if no line is so.
+    The numbers are the first line that contains mostly numbers. Titles above the header are thus
+    skipped. Returns 0 if no line above the numbers has as many cells.
     """
     for i, line in enumerate(lines):
         separator = _separator(line)

@@ -29,7 +29,7 @@ def read(
 ) -> Table:
     """Return the columns of a MAT log.
 
-    ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``; the name ``-``
+    ``columns`` names the rows or columns of a matrix in order: ``t_s,v_front_V,…``; the name ``-``
     skips a row or column. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``.
     Without ``columns``, the signals have the names of `heli3dof.recording.logs.matlab.signals`.
     Raises RecordingError if the file contains no such signals or is not readable, UsageError if

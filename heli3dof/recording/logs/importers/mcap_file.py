@@ -1,8 +1,8 @@
 """Importer of other programs' MCAP files with the columns of docs/reference/recording.md.
 
 JSON and protobuf messages are decoded; their numeric fields are the columns. Each message of the
-first topic with both voltages is a sample. Another topic is joined if its log times are the same;
-nothing is resampled.
+first topic with both voltages is a sample. The columns of another topic are added if its log times
+equal those of this topic; nothing is resampled.
 """
 
 from __future__ import annotations

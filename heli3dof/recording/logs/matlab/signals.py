@@ -49,7 +49,7 @@ class _Found:
     """Name of an array or timed structure → its full path, such as ``flight.angle.roll``"""
 
     def columns_of_paths(self, columns: Iterable[str]) -> dict[str, str]:
-        """Return {full path: column}; rows have an index in both: ``flight.x[1]``, ``x[1]``."""
+        """Return {full path: column}; both names of a matrix's row end in its index, ``[1]``."""
         names = {c: c if c in self.paths else c.rpartition("[")[0] for c in columns}
         return {self.paths[n] + c[len(n) :]: c for c, n in names.items() if n in self.paths}
 
@@ -82,8 +82,8 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
 def _visit(name: str, path: str, value: Any, found: _Found) -> None:
     """Add the signals of the variable ``name`` to ``found``; visit the fields of a structure.
 
-    A field's signal is named like the field. If another array has this name, it is
-    ``structure.field``; if this is taken too, the full path.
+    A field's signal is named like the field. If another array has this name, the signal is called
+    ``structure.field``; if an array has that name too, its name is the full path.
     """
     if isinstance(value, Opaque):
         found.ignored.append(
