@@ -30,7 +30,7 @@ class FigureData:
     evidence: Sequence[TorqueCurve] = ()
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
     residual_torques: Sequence[ResidualTorque] = ()
-    leftover_evidence: Sequence[TorqueCurve] = ()
+    residual_evidence: Sequence[TorqueCurve] = ()
     """Each of ``residual_torques``, averaged in bins, in the same order"""
     gain: Gain | None = None
     before: HeldOut | None = None

@@ -69,7 +69,7 @@ def _cause(document: Document, data: FigureData) -> Answer:
     if causes := list(summary.causes(document)):
         stated = [" ".join(causes)]
     sentence = stated[0] if stated else words.verdict(document)
-    seen = [*data.evidence, *data.leftover_evidence]
+    seen = [*data.evidence, *data.residual_evidence]
     drawn = figure(evidence_figure(seen[0]), evidence_alt(seen[0])) if seen else ""
     return Answer("What is the cause, and how sure is it?", sentence, drawn)
 

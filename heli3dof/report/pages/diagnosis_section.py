@@ -95,7 +95,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
         blocks += [subheading("Unmodelled effects"), *unmodelled]
     if p.residual_torques:
         blocks.append(table(residual_torque_table(p.residual_torques)))
-        blocks += [figure(evidence_figure(e), evidence_alt(e)) for e in p.leftover_evidence]
+        blocks += [figure(evidence_figure(e), evidence_alt(e)) for e in p.residual_evidence]
     blocks += map(paragraph, words.slow_noise(document))
     if deviations := [paragraph(s) for s in words.model_deviations(document)]:
         blocks += [subheading("Not explained by the extended model"), *deviations]
