@@ -139,31 +139,50 @@ def significant_torques(
     while sum(not torque.is_slow_noise for torque in out) < MAX_COMPARED:
         sums = sums_along(library, flight, nuisance.tangents)
         tests = score_tests(fit, flight, library, sums, nuisance, null)
-        significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
-        significant = with_time_first(significant, library, tests.x)
-        candidates = ((q, _residual_torque(flight, library, tests, q)) for q in significant)
-        is_coloured = any(torque.is_slow_noise for torque in out)
-        large = ((q, d) for q, d in candidates if d.share > MIN_SHARE)
-        accepted = (
-            t
-            for t in (_with_traces(evidence, nuisance, *s) for s in large)
-            if _exceeds_coloured_noise(evidence, nuisance, tests, *t, is_coloured=is_coloured)
-        )
         if proven is not None and not out:
             q = _group(library, tests, proven)
-            torque = _residual_torque(flight, library, tests, q)
-            accepted = (t for t in [_with_traces(evidence, nuisance, q, torque)])
-        best, new, D = next(accepted, (-1, None, np.zeros(0)))
-        if new is None:
-            break
-        columns = np.r_[library.columns(best)]
+            new, D = _residual_torque(flight, library, tests, q), _traces(evidence, nuisance, q)
+        else:
+            is_coloured = any(torque.is_slow_noise for torque in out)
+            accepted = _next_torque(evidence, nuisance, tests, is_coloured=is_coloured)
+            if accepted is None:
+                break
+            q, new, D = accepted
         trace = np.array([torque for _, torque in new.table]) @ D
         if named is None:
             named = named_traces(fit)
         name, cos = similarity(named, flight.at, trace, nuisance.tangents, nuisance.A)
         out.append(replace(new, resembles=f"{name}-like") if cos > LIKE else new)
-        nuisance = nuisance.with_torque(flight, D, tests.directions[best], columns, null)
+        columns = np.r_[library.columns(q)]
+        nuisance = nuisance.with_torque(flight, D, tests.directions[q], columns, null)
     return tuple(out)
+
+
+def _next_torque(
+    evidence: Evidence, nuisance: Nuisance, tests: ScoreTests, *, is_coloured: bool
+) -> tuple[int, ResidualTorque, np.ndarray] | None:
+    """Return group, torque and traces of the largest x that meets condition 3 of the module.
+
+    None if no group meets it. The traces (KNOTS, E) are those of the group's functions at the
+    filter's E updates. ``is_coloured``: slow noise was found before.
+    """
+    significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
+    for q in with_time_first(significant, evidence.library, tests.x):
+        torque = _residual_torque(evidence.flight, evidence.library, tests, q)
+        if torque.share > MIN_SHARE:
+            D = _traces(evidence, nuisance, q)
+            if _exceeds_coloured_noise(
+                evidence, nuisance, tests, q, torque, D, is_coloured=is_coloured
+            ):
+                return q, torque, D
+    return None
+
+
+def _traces(evidence: Evidence, nuisance: Nuisance, q: int) -> np.ndarray:
+    """Return the traces (KNOTS, E) of the functions of group q at the filter's E updates."""
+    library = evidence.library
+    columns = np.r_[library.columns(q)]
+    return sums_along(library, evidence.flight, nuisance.tangents, columns).traces
 
 
 def _group(library: Hats, tests: ScoreTests, location: TorqueLocation) -> int:
@@ -186,13 +205,6 @@ def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list
         return float(x[q]) + (TIE if library.groups[q][1] == "time" else 0.0)
 
     return sorted(groups, key=key, reverse=True)
-
-
-def _with_traces(
-    evidence: Evidence, nuisance: Nuisance, q: int, new: ResidualTorque
-) -> tuple[int, ResidualTorque, np.ndarray]:
-    columns = np.r_[evidence.library.columns(q)]
-    return q, new, sums_along(evidence.library, evidence.flight, nuisance.tangents, columns).traces
 
 
 def _exceeds_coloured_noise(
