@@ -44,7 +44,7 @@ class Body:
     I_ab: float
     """kg·m², product of inertia of the motors about e_a and b"""
     G_p: float
-    """N·m, gravity torque on the level body towards its heavier motor"""
+    """N·m, gravity torque on the level body; positive if the front motor is the heavier one"""
     V_ref: float
     """V at which effect ``motor.thrust_curve`` leaves the thrust unchanged"""
     dJ: tuple[float, float, float] = (0.0, 0.0, 0.0)

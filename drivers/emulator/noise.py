@@ -18,7 +18,7 @@ plan            mean fit, %             pitch fit, %
 ==============  ======================  ===============
 
 So no model can fit a run's pitch much better than this in closed-loop replay. Below 16 Hz the noise
-is almost white. The spectral density of the accelerations that it causes is σ √(2 τ_c) / J, J the
+is almost white. It causes accelerations with the amplitude spectral density σ √(2 τ_c) / J, J the
 axis' inertia: 0.0054 (roll), 0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the
 paper's rig.
 """
@@ -81,9 +81,9 @@ class Vibration:
 
     τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
 
-    z (3,) is the complex state of a lightly damped mode on each axis; σ is ``scale`` times
-    `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`; ``dt`` is the control
-    period in s.
+    z (3,) is the complex state of a lightly damped mode on each axis. σ, the standard deviation of
+    τ, is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`;
+    ``dt`` is the control period in s.
     """
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:
