@@ -70,8 +70,11 @@ class LinkStatistics:
     samples_stale: int = 0
     """Valid samples that were not used, because they were outdated.
 
-    Such a sample arrived together with a newer one, before the host waited for a sample, or in
-    reply to a POLL before the last command.
+    Such a sample arrived
+
+    - together with a newer one,
+    - before the host waited for a sample,
+    - in reply to a POLL before the last command.
     """
     rejected: int = 0
     """Valid frames with an impossible sample: a repeated number, or an echo of no sent command"""
