@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .options import MockOptions, RigOptions
 
 LONGEST_CATCH_UP_S = 60.0
-"""s, the longest pause of the host that is simulated; by then the rig has long been at rest"""
+"""s: of a longer pause of the host only this time is simulated; then the rig is at rest"""
 
 SEALED = ("profile", "hide", "noise", "noise_s", "vibration_hz", "spread")
 """URL options that ``exercise=`` does not allow: the exercise's sealed file defines the physics"""
@@ -47,7 +47,7 @@ class MockDriver:
         "profile", "hide", "exercise", "seed", "noise", "noise_s", "vibration_hz", "start",
         "spread", "rate_hz", "watchdog_s", "fault", "speed",
     )  # fmt: skip
-    """The fields of `MockOptions`, named again because a stop must not import pydantic (slow)"""
+    """The fields of `MockOptions`, repeated so that `estop` need not import pydantic (slow)"""
     private_to_process = True
     """No other process can reach the rig: see `heli3dof.rig.interface.PrivateToProcess`"""
 

@@ -29,7 +29,7 @@ class SerialDriver:
     options: Sequence[str] = (
         "stream", "watchdog_s", "signs", "baud", "low_latency", *PASSED_ON,
     )  # fmt: skip
-    """The fields of `SerialOptions`, named again because a stop must not import pydantic (slow)"""
+    """The fields of `SerialOptions`, repeated so that `estop` need not import pydantic (slow)"""
 
     def find(self) -> Sequence[str]:
         """Return the URLs of the serial ports on USB, whether a rig is connected or not."""

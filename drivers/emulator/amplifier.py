@@ -92,8 +92,10 @@ class Amplifier:
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
         """Apply voltages in µV, clipped to ± ``v_max_uV``, and return True.
 
-        Does nothing and returns False in any state but ARMED, or if ``number``, the command's
-        number, is not newer than that of the last accepted command.
+        Does nothing and returns False
+
+        - in any state but ARMED,
+        - if the command's ``number`` is not newer than that of the last accepted command.
         """
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False

@@ -44,7 +44,7 @@ class Body:
     I_ab: float
     """kg·m², product of inertia of the motors about e_a and b"""
     G_p: float
-    """N·m, gravity torque on the level body towards its heavier motor"""
+    """N·m, gravity torque on the level body; positive if the front motor is the heavier one"""
     V_ref: float
     """V at which effect ``motor.thrust_curve`` leaves the thrust unchanged"""
     dJ: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -103,10 +103,10 @@ def body_of(profile: Profile) -> Body:
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
     """Return ``body`` with random thrust per volt, gravity torque and inertias.
 
-    The thrust per volt K_f, the gravity torque T_g, the counterweight's inertia J_w and the body's
-    inertias I_aa and I_bb are each multiplied by 1 + u. Each u is drawn from ``rng``, uniform
-    within ± ``spread``. The product of inertia I_ab scales with √(I_aa I_bb). The lengths are
-    unchanged, because they are easily measured.
+    K_f, T_g, the counterweight's inertia J_w and the body's inertias I_aa and I_bb are each
+    multiplied by 1 + u, each with its own u. u is drawn from ``rng``, uniform within ± ``spread``.
+    The product of inertia I_ab scales with √(I_aa I_bb). The lengths are unchanged, because they
+    are easily measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(

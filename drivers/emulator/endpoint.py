@@ -5,8 +5,8 @@
 
 `amplifier` gives the voltage in each state. The caller passes the time in whole microseconds on
 the device's clock: nothing here waits. The plant is simulated in whole control periods, counted
-from the arming. The motors' voltage in a period is the mean of the amplifier's output over this
-period, so a late command acts late.
+from the last arming, or from the device's start before the first arming. The motors' voltage in a
+period is the mean of the amplifier's output over this period, so a late command acts late.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ SHORTEST_US = 500
 QUIET_US = 2_000_000
 """µs without a valid frame from the host after which the stream of samples ends"""
 NO_DELAY = 0xFFFF
-"""Value of ``delay_us`` if no command arrived before the sample, or only after 65.5 ms"""
+"""Value of ``delay_us``, the time from the previous sample to the last command: no command has
+arrived since that sample, or only after 65.5 ms"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,11 @@
 """Compiled simulation of the plant over one control period.
 
-Each substep of length h computes in this order: the motor voltages; the thrusts, by the exact
-solution of the rotors' first-order lag; the rigid body's motion by the classical fourth-order
-Runge–Kutta method; dry friction and mechanical stops, as impulses.
+Each substep of length h computes, in this order:
+
+1. the motor voltages
+2. the thrusts, by the exact solution of the rotors' first-order lag
+3. the rigid body's motion, by the classical fourth-order Runge–Kutta method
+4. dry friction and mechanical stops, as impulses
 
 Dry friction is set-valued: at rest its torque holds axis i, up to its limit τ_i. So after the
 Runge–Kutta step each axis with friction gets the impulse λ_i that stops it, clipped to ±τ_i h. Each

@@ -36,7 +36,8 @@ Q from the thrusts F_f, F_b (N) by virtual work at their points of action::
     Q_p = L_h (F_f − F_b)
     Q_ψ = −L_a cos r sin p (F_f + F_b) + L_h sin r (F_f − F_b)
 
-Positive pitch turns the rig clockwise; the paper's equation (10) has the wrong sign (erratum E3).
+At positive pitch, the thrust turns the rig clockwise; the paper's equation (10) has the wrong sign
+(erratum E3).
 """
 
 from __future__ import annotations

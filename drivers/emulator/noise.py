@@ -1,13 +1,18 @@
 """Process noise: a random torque on each axis, from the air and the rotors.
 
-Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), ξ white noise. w is
-sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
-exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
+Each torque w is an Ornstein–Uhlenbeck process with white noise ξ. It is discretised exactly,
+with the control period dt, and held for each period::
+
+    τ_c ẇ = −w + √(2 τ_c) σ ξ(t)
+    w[k+1] = a w[k] + σ √(1 − a²) N(0, 1),    a = exp(−dt/τ_c)
+
+So for any dt, w has the standard deviation σ (N·m) and the correlation time τ_c (s).
 
 σ was chosen by comparing a closed-loop run with noise (angles y) and the same run without noise
-(angles ŷ). The controller is the default one; the runs start level. The table shows the fit
-100 (1 − ‖y − ŷ‖/‖y − mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll /
-pitch / yaw, and the range of the pitch fit over these seeds. The plans' random signals have seed 1:
+(angles ŷ). The controller is the default one; the runs start level. An axis' fit is
+100 (1 − ‖y − ŷ‖/‖y − mean y‖) %. For three flight plans, the table shows its mean over the noise
+seeds 1–6, for roll / pitch / yaw. The last column is the range of the pitch fit over these seeds.
+The plans' random signals have seed 1:
 
 ==============  ======================  ===============
 plan            mean fit, %             pitch fit, %
@@ -18,7 +23,7 @@ plan            mean fit, %             pitch fit, %
 ==============  ======================  ===============
 
 So no model can fit a run's pitch much better than this in closed-loop replay. Below 16 Hz the noise
-is almost white. The spectral density of the accelerations that it causes is σ √(2 τ_c) / J, J the
+is almost white. It causes accelerations with the amplitude spectral density σ √(2 τ_c) / J, J the
 axis' inertia: 0.0054 (roll), 0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the
 paper's rig.
 """
@@ -44,8 +49,8 @@ class TorqueNoise:
     """Draws random torques (3,) in N·m for each control period of ``dt`` s.
 
     ``scale`` multiplies the standard deviations σ (`SIGMA_NM`). ``correlation_s``: correlation time
-    τ_c, s. With a τ_c other than the default, σ is changed so that σ² τ_c stays the same: the
-    spectral density at low frequencies is proportional to it.
+    τ_c, s. With a τ_c other than the default, σ is changed so that σ² τ_c stays the same. So the
+    spectral density at low frequencies, which is proportional to σ² τ_c, does not change.
     """
 
     def __init__(
@@ -81,9 +86,9 @@ class Vibration:
 
     τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
 
-    z (3,) is the complex state of a lightly damped mode on each axis; σ is ``scale`` times
-    `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`; ``dt`` is the control
-    period in s.
+    z (3,) is the complex state of a lightly damped mode on each axis. σ, the standard deviation of
+    τ, is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`;
+    ``dt`` is the control period in s.
     """
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:

@@ -50,9 +50,9 @@ class Plant:
     """Simulates a rig's mechanics from motor voltages to encoder counts.
 
     ``dt``: control period, s; ``noise`` multiplies the random torques; ``noise_s``: their
-    correlation time, s. ``spread``: largest relative change of parameters (`spread_body`), drawn
-    from ``spread_seed`` if given, else from ``seed``; ``start_V``: voltage on both motors
-    before the start.
+    correlation time, s. ``vibration_hz``: frequency of the `Vibration`; 0: none. ``spread``:
+    largest relative change of parameters (`spread_body`), drawn from ``spread_seed`` if given, else
+    from ``seed``; ``start_V``: voltage on both motors before the start.
     """
 
     def __init__(

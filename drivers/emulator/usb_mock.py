@@ -28,7 +28,7 @@ class UsbMockDriver:
         "spread", "rate_hz", "watchdog_s", "fault",
         "stream", "signs", "timeout_s", "bus",
     )  # fmt: skip
-    """The fields of `UsbMockOptions`, named again because a stop must not import pydantic (slow)"""
+    """The fields of `UsbMockOptions`, repeated so that `estop` need not import pydantic (slow)"""
     private_to_process = True
     """No other process can reach the rig: see `heli3dof.rig.interface.PrivateToProcess`"""
 

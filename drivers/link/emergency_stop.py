@@ -15,8 +15,9 @@ STOP_EVERY_S = 20e-3
 """s between two ESTOP frames"""
 STOP_TRIES = 25
 SHARED_TRIES = 10
-"""Number of ESTOP frames to a silent device, or to one whose port another program has open: that
-program misses each byte read here"""
+"""Largest numbers of ESTOP frames. `SHARED_TRIES` applies to a device that no longer replies, and
+to one whose port another program has open. It is smaller because that program never receives the
+bytes that this one reads"""
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:

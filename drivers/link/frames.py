@@ -205,7 +205,10 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class SampleFrame:
-    """A sample: encoder counts, voltages, currents. ``number`` counts samples since the arming."""
+    """A sample: encoder counts, voltages, currents.
+
+    ``number`` counts the samples from 0, since the last arming or the device's start.
+    """
 
     TYPE: ClassVar = Type.SAMPLE
     BODY: ClassVar = Struct("<IIiiiiihhHBB")
@@ -224,7 +227,8 @@ class SampleFrame:
     front_mA: int
     back_mA: int
     delay_us: int
-    """µs from the previous sample to the command's arrival; 65535: longer, or no command came"""
+    """µs from the previous sample to the arrival of the last command; 65535: this long or longer,
+    or no command has arrived since that sample"""
     flags: int
     cause: int
 
@@ -241,7 +245,7 @@ class Report:
     malformed: int
     """Pieces received with wrong COBS, length, version or check"""
     refused: int
-    """Valid frames without effect: stale or repeated commands, unknown types"""
+    """Valid frames without effect, except ARMs: refused commands and POLLs, unknown types"""
     expiries: int
     """How often the watchdog expired"""
     late_us: int
@@ -294,7 +298,7 @@ def wire(frame: Frame) -> bytes:
 def decoded(piece: bytes) -> bytes | None:
     """Return header, body and check in ``piece``, the COBS-encoded bytes between two delimiters.
 
-    Returns None if the check is wrong.
+    Returns None if the COBS encoding or the check is wrong, or the piece is too short.
     """
     try:
         data: bytes = decode(piece)

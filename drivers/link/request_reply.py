@@ -68,7 +68,14 @@ class LinkStatistics:
     device_skipped: int = 0
     """Samples that a busy device did not take: its time jumped, but no number is missing"""
     samples_stale: int = 0
-    """Samples that arrived too late to be used: with a newer one, or after the next command"""
+    """Valid samples that were not used, because they were outdated.
+
+    Such a sample arrived
+
+    - together with a newer one,
+    - before the host waited for a sample,
+    - in reply to a POLL before the last command.
+    """
     rejected: int = 0
     """Valid frames with an impossible sample: a repeated number, or an echo of no sent command"""
     commands: int = 0

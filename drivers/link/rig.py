@@ -61,8 +61,8 @@ if TYPE_CHECKING:
 LARGEST_uV = 2_000_000_000
 """µV, below the largest number of a command frame (2³¹ − 1); every device clips far below it"""
 RESTART_S = 0.7
-"""s: a device whose uptime falls short of the expected one by more has restarted. A STATUS request
-may take `TRIES` attempts, 0.6 s in all"""
+"""s: a device has restarted if its uptime is shorter than expected by more than this time. The
+reply to a STATUS request may already be 0.6 s old (`TRIES` attempts)"""
 EMULATED = "emulated"
 """Prefix of the model name of an emulated device"""
 
@@ -83,9 +83,9 @@ class LinkRig:
         """Identify the device and compare it with the profile; nothing moves.
 
         ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
-        sample. ``watchdog_s``: timeout that replaces the device's own, at least three control
-        periods. ``signs="profile"``: the profile's signs of the encoder counts apply, even if the
-        device's differ. After an error the transport is closed.
+        sample. ``watchdog_s``: timeout that replaces the device's own; a timeout below three
+        control periods is raised to them. ``signs="profile"``: the profile's signs of the encoder
+        counts apply, even if the device's differ. After an error the transport is closed.
         """
         self._transport = transport
         self._client = RequestClient(transport)

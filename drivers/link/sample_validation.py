@@ -32,8 +32,9 @@ _MASK = 0xFFFFFFFF
 _HALF = 0x80000000
 _FLAGS = [Flags(value & 63) for value in range(256)]
 BUSY = 0.9999
-"""Share of a period by which a device may take a sample too late; a whole period late, it skips the
-sample. Clock and period are whole µs, so no delay lies between these two"""
+"""Largest delay of a sample, as a share of the period. A device that is a whole period late skips
+the sample. Clock and period are whole µs: at periods up to 10 ms, no delay lies between 0.9999 and
+1 period"""
 REMEMBERED = 1024
 """Commands whose caller's sequence number is remembered: those of 1 s at 1 kHz"""
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .wiring import Wiring
 
 DAC_V = 10.0
-"""V, the range of the analog outputs is ± this; another program may have set a smaller one"""
+"""V: the driver sets the analog outputs' range to ± this, as another program may have reduced it"""
 FOREVER = 0xFFFFFFFF
 """Number of samples of an endless task, where the library defines no constant for it"""
 

@@ -58,9 +58,13 @@ class QuanserDriver:
     def estop(self, url: DeviceUrl) -> str:
         """Disable the amplifier and write zero volts; return a message.
 
-        This works on boards that a second program can open. The other program may then write its
-        volts again, but they do not reach a disabled amplifier. Raises DeviceError for a board
-        without enable lines.
+        If a program is using the board, this method opens the board a second time, which some
+        boards refuse. That program may write volts again, but a disabled amplifier does not pass
+        them to the motors. Raises DeviceError
+
+        - if the board does not open,
+        - if the board refuses to write, unless its watchdog has already expired,
+        - if the wiring has no enable lines: then only zero volts were written.
         """
         from .wiring import Wiring
 

@@ -8,7 +8,7 @@
 
 One period when ARMED: reload the watchdog, discard older samples, write the volts, wait for the
 board's next sample. In every other state no volts are written and the watchdog is not reloaded. So
-the watchdog switches the outputs off if this process did not.
+the watchdog switches the outputs off even if this process has failed to.
 
 The board measures counts only. The volts in a sample are those written, clipped to the amplifier's
 limit; the counts per revolution are the profile's.
@@ -90,7 +90,7 @@ class QuanserRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the output is zero: "WATCHDOG" (of the board), "HOST_ESTOP", or None."""
+        """Return "WATCHDOG" in LATCHED, "HOST_ESTOP" in STOPPED; None in IDLE and ARMED."""
         return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
 
     def arm(self) -> Sample:

@@ -38,7 +38,7 @@ class OnBus:
     device: Any
     """usb.core.Device"""
     serial: str | None
-    """Serial number; None: this user has no permission to read it"""
+    """Serial number; None: the rig has none, or it cannot be read, e.g. without permission"""
 
     @property
     def url(self) -> str:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from ..options import UsbOptions
 
 STOP_TRIES = 8
-"""Attempts of 0.25 s each: a stop has no other way to the rig than this control request"""
+"""Attempts of 0.25 s each; many, because a process that has not claimed the rig can only stop it by
+this control request"""
 
 
 class UsbDriver:
@@ -31,7 +32,7 @@ class UsbDriver:
 
     scheme = "usb"
     options: Sequence[str] = ("stream", "watchdog_s", "signs", "timeout_s")
-    """The fields of `UsbOptions`, named again because a stop must not import pydantic (slow)"""
+    """The fields of `UsbOptions`, repeated so that `estop` need not import pydantic (slow)"""
 
     def __init__(self, backend: Callable[[], Any] = system_backend) -> None:
         self._backend = backend

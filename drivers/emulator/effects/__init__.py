@@ -29,8 +29,8 @@ GROUP = "heli3dof.emulated_effects"
 def catalogue() -> dict[str, Effect]:
     """Return every effect, with its name as key, in alphabetical order.
 
-    A plug-in is left out with a warning if it does not load or compile, or if another effect
-    already has the name of one of its effects.
+    A plug-in that does not load or compile is left out, with a warning. So is a plug-in with an
+    effect whose name another effect already has.
     """
     effects: list[Effect] = []
     for module in modules_of(__name__):

@@ -8,9 +8,9 @@ components ω_a along the arm and ω_b along the body's bar (`lagrange`). a, h�
 - Ground effect: near the table a rotor's thrust is F (1 + a exp(−h/h₀)). The rotor's height above
   the table is h = max(L_a (sin r − sin r_rest) ± L_h sin p cos r, 0), + for the front rotor, − for
   the back rotor. r_rest is the roll angle on the table.
-- Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with v_n =
-  L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + for the front, − for the back. 1 − k v_n is
-  limited to 0 … 2.
+- Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n). The factor
+  1 − k v_n is limited to 0 … 2. v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + for the
+  front rotor, − for the back rotor.
 - Reaction torque: both propellers turn in the same direction; the torque M = κ (F_f + F_b) acts on
   the body about n. By virtual work: Q_r = M sin p, Q_p = 0, Q_ψ = M cos r cos p.
 - Gyroscopic torque of the rotors' angular momentum H = k (V_f + V_b) n: −ω × H, i.e.

@@ -4,7 +4,7 @@
   two flanks is in contact.
 - Offset: reading = angle + offset, because the counts were zeroed at a wrong angle. The specified
   initial angles and the table's roll angle are readings: the true angles are lower by the offset.
-- Scale: reading = rest + k (angle − rest), because the encoder's number of lines is wrong; k is the
+- Scale: reading = rest + k (angle − rest), because the encoder's number of lines is wrong. k is the
   scale, rest the angle at which the counts are zero.
 """
 

@@ -26,7 +26,7 @@ from .base import Effect, Parameter
 
 LONGEST_DELAY_S = 0.1
 SLOTS = 500
-"""Number of substeps whose voltages the delay stores: enough for 0.1 s at control rates up to
+"""Number of substeps whose voltages the delay stores. They last 0.1 s at control rates up to
 1245 Hz; at higher rates the longest delay is shorter"""
 
 

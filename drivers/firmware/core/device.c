@@ -316,7 +316,7 @@ static void answer(struct device *device, uint64_t now_us, const struct request 
     case STATUS: send_report(device, request->number, now_us); break;
     default:
         device->refused++;
-        /* Bit 7 marks the device's frames: on a line that echoes it must not reply to itself. */
+        /* Bit 7 marks a device's frame: on a line with echo it may be this device's own. */
         if (!(request->type & 0x80u))
             send_ack(device, request, UNKNOWN_TYPE);
         break;

@@ -23,7 +23,7 @@
 struct device_config {
     uint32_t boot;   /* changes with every start */
     uint32_t ticket; /* the first one */
-    int32_t counts[3];
+    int32_t counts[3]; /* per revolution */
     uint32_t v_max_uV, watchdog_us, ramp_us, shortest_us;
     const char *model, *serial, *firmware;
 };
@@ -79,7 +79,8 @@ void device_receive(struct device *device, uint64_t now_us, const uint8_t *bytes
 /* Stops for a reason outside the link: USB's control request, a lost bus. */
 void device_stop(struct device *device, uint8_t cause);
 
-/* Returns when device_tick must be called next, if that is before the next millisecond. */
+/* Returns when the next sample is due or the watchdog expires, whichever is earlier: call
+ * device_tick then. UINT64_MAX: neither. */
 uint64_t device_next_us(const struct device *device);
 
 /* Writes the voltages at this time to uV; returns false where the amplifier is to be disabled. */

@@ -3,8 +3,8 @@
  *     A B   00 -> 10 -> 11 -> 01 -> 00   +1 each; in reverse -1
  *
  * If both lines change at once, a step was missed or there was noise. The direction is unknown, so
- * the count stays and an error is counted. Call it from the pins' interrupt; a board that counts in
- * hardware does not need it. */
+ * the count stays and an error is counted. Call encoder_step from the pins'
+ * interrupt; a board that counts in hardware does not need it. */
 #ifndef HELI3DOF_ENCODER_H
 #define HELI3DOF_ENCODER_H
 

@@ -26,7 +26,7 @@ void bench_advance(struct bench *bench, double t_s);
 /* The device restarts: the counts restart from zero. */
 void bench_reset_counters(struct bench *bench);
 
-/* True when t_s is more than `after` seconds after the first arming. */
+/* Returns true if t_s is at least after_s seconds after the first arming. */
 bool bench_due(const struct bench *bench, double t_s, double after_s);
 
 void bench_inputs(const struct bench *bench, struct device_inputs *inputs);

@@ -21,10 +21,10 @@
 #include "rig.h"
 #include "tcp.h"
 
-#define REAL_TIME_PRIORITY 80 /* the computer's load must not delay it, as with hardware */
+#define REAL_TIME_PRIORITY 80 /* the computer's load must not delay the device */
 #define TURN_US 1000u
 #define MOTION_S 5e-3
-#define LATE_US 200u /* from sample to writing, to count as late; a turn takes some 10 us */
+#define LATE_US 200u /* a sample written longer after its taking is late; a turn: 10 us */
 
 static struct options options;
 static struct bench bench;

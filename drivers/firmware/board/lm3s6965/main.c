@@ -228,7 +228,7 @@ static const char *serial_number(void)
 }
 
 /* Sets boot number and first ticket. As the chip has no source of entropy, they come from a count
- * of starts in SRAM and the time of the host's first byte (to 20 ns), at which they are set. */
+ * of starts in SRAM and the time (to 20 ns) of the host's first byte. They are set at that time. */
 static void name_this_start(void)
 {
     static uint32_t starts __attribute__((section(".kept")));
