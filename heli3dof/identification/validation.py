@@ -24,8 +24,8 @@ from heli3dof.model.estimation.filter_data import LOST, RowRange
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""s: time at the start of a run of usable rows without a score, because the filter still settles.
-It is shorter by the lead-in: usable rows directly before the run."""
+"""s: time without a score at the start of a run of usable rows, in which the filter settles. The
+lead-in, usable rows directly before the run, shortens this time by its length."""
 LEAD_IN_S = 10.0
 """s: longest lead-in, usable rows before a run in which the filter settles"""
 AFTER_TAKE_OFF_S = 2.0

@@ -194,8 +194,8 @@ def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-d
 def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.ndarray:
     """Return an orthonormal basis (entries, p) of the changes of W, C that alter the predictor.
 
-    W (n, n+m+l) is [Ã B K], C (l, n) the output matrix, m the number of inputs, ``entries`` the
-    number of entries of W and C. With ``output_error`` K stays fixed.
+    W (n, n+m+l) is [Ã B K], C (l, n) the output matrix, m the number of inputs. ``entries`` is the
+    number of entries of W and C together. With ``output_error`` K stays fixed.
     """
     n, l, w = W.shape[0], C.shape[0], W.shape[1]
     entries = n * w + l * n
