@@ -62,8 +62,8 @@ def identify(
 
     Args:
         recordings: one or several with the same sample interval; all are fitted together. Black-box
-            methods need all three angles. Physical methods can also use recordings that lack some
-            angles, if at least one recording has all three.
+            methods need all three angles. If one recording has all three, ``greybox`` also uses
+            those that lack an angle; ``freeflight`` leaves them out, with a warning.
         method: a name from `heli3dof.identification.methods`: ``greybox`` and ``freeflight``
             (physical parameters), or a black box: ``pem``, ``pbsid``, ``oe``, ``tf4``.
         order: number of states of a black box; None starts an order search

@@ -55,7 +55,7 @@ class Metrics:
     prediction: dict[float, Score]
     replay: Score
     replay_note: str
-    """Why there is no replay; empty where there is one."""
+    """Why there is no replay, or that it diverges; otherwise empty."""
 
     def to_json(self) -> dict[str, Any]:
         """Return ``fit_percent`` and ``rmse_deg`` by axis, and why there is no replay, if so.
@@ -158,7 +158,8 @@ def replays(
     """Return measured and replayed angles (N, 3) rad for each recording that has ``runs``.
 
     The replay is a closed-loop simulation of ``model`` with the recorded references and controller.
-    Only the rows of ``runs`` are returned.
+    Only the rows of ``runs`` are returned; after a start from the table, without the first
+    `AFTER_TAKE_OFF_S` of usable rows.
     """
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)
