@@ -11,12 +11,12 @@ Flying, recording, identifying, comparing, diagnosing and reporting can be done 
     )
     print(h3.diagnose(flight.recording).summary())
 
-These verbs are on the command line only: batch, demo, effect, exercise, fleet, monitor; of profile,
-new and update; of diagnose, ``--cluster``. For ``effect list``, use `effects`.
+These verbs are on the command line only: batch, demo, effect, exercise, fleet, monitor; so are
+``profile new``, ``profile update`` and ``diagnose --cluster``. For ``effect list``, use `effects`.
 
 A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
-or model's name. In place of a list of one, it takes the one. Arrays are in SI units (s, V, rad),
-with columns (roll, pitch, yaw) and (front, back). Every error is a `Heli3dofError`.
+or model's name. In place of a list with one element, it takes the element. Arrays are in SI units
+(s, V, rad), with columns (roll, pitch, yaw) and (front, back). Every error is a `Heli3dofError`.
 
 ``__init__.pyi`` lists the public names. Each is imported when it is first used, so that importing
 the package is quick.

@@ -11,7 +11,7 @@ from heli3dof.experiment.control_loop.signal_handling import end_on_signals, ign
 
 
 def main() -> None:
-    """Run the command line. If a signal interrupts it, say so and exit with status 130."""
+    """Run the command line. If a signal interrupts it, report this and exit with status 130."""
     end_on_signals()
     try:
         from heli3dof.cli.app import main as command_line

@@ -11,7 +11,7 @@ parameter                   argument
 ``recording``               a recording, or the path of its file
 ``recordings, holdout``     one or several of these
 ``model``                   a model, or its name or path
-``models``                  one or several of these; or a function of the recording
+``models``                  one or several of these; or a function: recording → models
 ``seed``                    a whole number ≥ 0
 ``horizons_s, intervals_s`` positive numbers
 ``dt``                      a positive number
@@ -43,7 +43,7 @@ Given = Mapping[str, Any]
 def converted(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return ``function`` with its arguments converted by `CONVERSIONS`."""
     signature = inspect.signature(function)
-    # The `model` of `diagnosis_document` is the name of a file.
+    # The `model` of `diagnosis_document` is the name of a file: it is not converted.
     names = [
         name
         for name in CONVERSIONS
@@ -149,7 +149,11 @@ def _model(name: str, value: Any, given: Given) -> Any:
 
 
 def _models(name: str, value: Any, given: Given) -> Any:
-    """Return models; or a function, because a built-in model gets the recording's profile."""
+    """Return a list of models; or, if ``value`` contains a text, a function: recording → this list.
+
+    A text names a built-in model or a file. The function makes a built-in model for the recording's
+    profile. A ``value`` that is a function is returned unchanged.
+    """
     if callable(value):
         return value
 
@@ -174,7 +178,7 @@ def _seed(name: str, value: Any, given: Given) -> int:
 
 
 def _positive(name: str, value: Any, given: Given) -> Any:
-    """Return ``value``, one positive number or several, as it was given."""
+    """Return ``value`` unchanged, after a check: one or several positive numbers, or None."""
     try:
         good = value is None or all(0 < float(v) < math.inf for v in _several(value))
     except (TypeError, ValueError):

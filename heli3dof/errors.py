@@ -120,7 +120,9 @@ def quoted(word: object) -> str:
 
 
 def minus(text: str) -> str:
-    """Return a text for people, not a command, with a true minus sign before each negative number.
+    """Return ``text`` with a true minus sign (−) before each negative number.
+
+    Use it for text that people read. A command needs the hyphen-minus (-).
 
     >>> minus("roll -27.5° to +3.1°, front  -.5 V, step-10.mcap, 1e-05")
     'roll −27.5° to +3.1°, front  −.5 V, step-10.mcap, 1e−05'

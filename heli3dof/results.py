@@ -1,8 +1,9 @@
 """`Result`: the base class of recordings, identifications, comparisons and diagnoses.
 
 The class displays such a result as text, HTML or figure in a notebook. A result class may not
-import the packages above it, such as `heli3dof.report`, which draws the figures. `registered` finds
-their functions by the class name among the entry points of a group, such as `FIGURES`.
+import packages that use it, such as `heli3dof.report`, which draws the figures. So these packages
+register functions as entry points of a group, such as `FIGURES`, named by result class.
+`registered` finds them.
 """
 
 from __future__ import annotations

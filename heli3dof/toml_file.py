@@ -132,7 +132,9 @@ def keys(model: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInf
 
 
 def value_at(data: Any, name: str) -> Any:
-    """Return the value of a dotted key such as ``motor.V_o`` in nested dicts or sections, or None.
+    """Return the value of a dotted key such as ``motor.V_o`` in nested dicts or sections.
+
+    The result is None if there is no such key.
 
     >>> value_at({"motor": {"V_o": 7.4}}, "motor.V_o")
     7.4

@@ -84,8 +84,8 @@ def compare_flight(
 ) -> FlightComparison:  # fmt: skip
     """Return the comparison of several models with one recording.
 
-    ``horizons_s``: prediction horizons in s. A horizon is left out if no rows in flight
-    (`heli3dof.identification.row_selection.rows_in_flight`) are that long without interruption.
+    ``horizons_s``: prediction horizons in s. A horizon is left out if every uninterrupted run of
+    rows in flight (`heli3dof.identification.row_selection.rows_in_flight`) is shorter.
     ``identify_controller``: as in `compare`.
     """
     flown = corrected(under_control(recording))

@@ -33,7 +33,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """Prediction RMSE (3,) in degrees: at each horizon (s), and over a prediction window."""
+    """Prediction RMSE (3,) in degrees: at each horizon (s), and over all up to ``window_s`` (s)."""
 
     ahead_deg: Mapping[float, FloatArray]
     over_window_deg: FloatArray
@@ -84,7 +84,7 @@ class FlightComparison:
         return {name: ours[name] - theirs[name] for name in METRICS}
 
     def model(self, name: str) -> ModelComparison:
-        """Return the comparison of the model labelled ``name``; raise KeyError if none is."""
+        """Return the comparison of the model labelled ``name``; raise KeyError if there is none."""
         for m in self.models:
             if m.name == name:
                 return m

@@ -30,13 +30,13 @@ from heli3dof.stage_clock import Progress, StageClock
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
-"""Residual tests skip segments with fewer innovations (rows) than this after the warm-up."""
+"""Residual tests skip segments with at most this many innovations (rows) after the warm-up."""
 __all__ = ["Identification", "identify"]
 EXTRAPOLATION = 2.0
 """Ratio of an axis' rms motion in held-out to training data above which there is a warning"""
 LITTLE_MOTION_DEG = 1.0
-"""Rms motion (°) below which held-out data do not test a model: a few times the motion by process
-noise alone, which is 0.2° to 0.5° on roll and pitch of known rigs within the 1 s of a prediction"""
+"""Rms motion (°) below which held-out data do not test a model. It is a few times the rms motion
+that process noise alone causes within 1 s: 0.2° to 0.5° on roll and pitch of known rigs."""
 ORDER_MAX = 20
 OPEN_LOOP_WARNING = (
     "Output error assumes that the voltages are independent of the disturbances. In closed loop "
@@ -62,8 +62,8 @@ def identify(
 
     Args:
         recordings: one or several with the same sample interval; all are fitted together. Black-box
-            methods need all three angles. Physical methods can also use recordings that lack some
-            angles, if at least one recording has all three.
+            methods need all three angles. If one recording has all three, ``greybox`` also uses
+            those that lack an angle; ``freeflight`` leaves them out, with a warning.
         method: a name from `heli3dof.identification.methods`: ``greybox`` and ``freeflight``
             (physical parameters), or a black box: ``pem``, ``pbsid``, ``oe``, ``tf4``.
         order: number of states of a black box; None starts an order search
@@ -202,7 +202,7 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
 
 
 def rms_motion_deg(prepared: Prepared, runs: Sequence[RowRange]) -> np.ndarray:
-    """Return the standard deviation (3,) of the angles in the row ranges ``runs``, in degrees."""
+    """Return the rms motion (3,) in degrees in ``runs``: the deviations from each run's mean."""
     parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
     return np.asarray(np.rad2deg(np.vstack([p - p.mean(axis=0) for p in parts]).std(axis=0)))
 

@@ -37,7 +37,7 @@ class Method:
     """True if feedback from the angles to the voltages biases the estimates."""
     physical: bool = False
     """True if the model consists of physical effects that the user can add or leave out. Such a
-    method can also use recordings that lack an angle."""
+    method also gets the recordings that lack an angle (`Request.partial`)."""
 
     def fit(self, prepared: Prepared, request: Request) -> FitResult:
         """Return the fit to ``prepared`` with the options ``request``, by the method's function.

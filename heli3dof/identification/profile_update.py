@@ -11,12 +11,12 @@
                                finds the wrong sign
 
 In a model file, the trim torque T_g (N·m) and the inertias J (kg·m²) are relative to the thrust
-gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates the rig's K_f and multiplies them by
-the ratio, as ``diagnose --json`` does. The hover voltage V_h does not depend on K_f. With thrust
-linear in voltage, F_h/V_h is K_f. With nonlinear thrust (dead zone, rotor curve) it is not: but a
-profile has linear thrust, and only F_h/V_h makes it hover at V_h (`LevelHover`). Causes
-without a key (friction, lag, …) and confounded causes do not change the profile;
-`Calibration.left_out` lists them.
+gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates the ratio k of the rig's K_f to the
+profile's. T_g and J are multiplied by k, as in ``diagnose --json``. The hover voltage V_h does not
+depend on K_f. With thrust linear in voltage, F_h/V_h is K_f. With nonlinear thrust (dead zone,
+rotor curve), F_h/V_h differs from K_f. But a profile's thrust is linear: with motor.K_f = F_h/V_h,
+it hovers at V_h (`LevelHover`). Causes without a key (friction, lag, …) and confounded causes do
+not change the profile; `Calibration.left_out` lists them.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Calibration:
     left_out: tuple[str, ...] = ()
     """Causes without a key in the profile, and confounded causes"""
     profile: Profile | None = None
-    """The profile of the measurement, if the file contains it"""
+    """The profile of the measurement; None if the file does not contain it"""
 
 
 def read_calibration(path: Path) -> Calibration:

@@ -4,23 +4,26 @@ A simplification H of the fitted transfer function G is accepted if at all frequ
 
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
-that is, if the recordings do not distinguish H from G. If the covariance of G is unknown,
-`ROUNDING`·|G| replaces 2σ. There are five simplifications:
+that is, if the recordings do not distinguish H from G. The limit is at least `ROUNDING`·M, and it
+is `ROUNDING`·M if σ is unknown. M(ω) is the larger modulus of the two motors' responses to this
+angle. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
 * a real pole beyond the grid moves to infinity: a lag shorter than 10 ms, or than 0.4 sampling
   intervals if that is longer,
 * a pole and a zero cancel,
-* a factor whose coefficients are zero within two standard deviations moves to the origin.
+* the roots of a factor move to the origin, if its coefficients are zero within two standard
+  deviations.
 
 After each simplification the gain k is fitted again. Factors move to the origin only after no other
-simplification is possible. If several simplifications are possible, the one whose H is nearest to G
-is applied. `heli3dof.identification.factored_transfer_function` defines
-k and the factors with the coefficients a, b, c.
+simplification is possible. If several simplifications are possible, the one with the smallest
+maximum of |H − G|/limit over the grid is applied.
+`heli3dof.identification.factored_transfer_function` defines k and the factors with the coefficients
+a, b, c.
 
-The standard deviations of the coefficients φ = (k, a, b, c) follow from the covariance P of the
-polynomials' coefficients θ, with J = ∂H/∂φ, S = ∂G/∂θ and the weights W = 1/σ²:
+Let P be the covariance of the polynomials' coefficients θ, J = ∂H/∂φ, S = ∂G/∂θ and W = 1/σ². The
+standard deviations of the coefficients φ = (k, a, b, c) follow from
 
     δφ = (Jᴴ W J)⁻¹ Jᴴ W S δθ = M δθ,    cov φ = M P Mᵀ
 """
@@ -174,7 +177,8 @@ class _Channel:
     ) -> FactoredTransferFunction | None:
         """Return the candidate nearest to the fitted response G, with its gain refitted.
 
-        The result is None if every candidate differs significantly from G (by more than ``limit``).
+        Nearest means: with the smallest maximum of |H − G|/``limit`` over the frequencies. The
+        result is None if this maximum exceeds 1 for every candidate.
         """
         best, least = None, 1.0
         for H, deviation in map(self.refitted, candidates):
@@ -240,8 +244,12 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
     """Yield the simplifications of H that have fewer factors.
 
-    Each lacks a numerator factor, or a numerator and a denominator factor of the same order (1 or
-    2), or a real pole beyond ``highest`` (rad/s).
+    Each simplification lacks one of these:
+
+    - a numerator factor
+    - a numerator and a denominator factor of the same order (1 or 2)
+    - a real pole beyond ``highest`` (rad/s), if the denominator's degree then still exceeds the
+      numerator's
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):

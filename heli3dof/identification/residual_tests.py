@@ -43,7 +43,7 @@ class ResidualTest:
     bound: float
     share: float
     """Share of the innovations' variance that past innovations or voltages explain (mean over
-    outputs), minus the share that as many regressors explain of white noise."""
+    outputs). It is adjusted for the number of regressors, like the adjusted R²."""
     samples: int
 
     @property

@@ -1,12 +1,12 @@
 """Select the rows of a flight to which a linear model can be fitted; give a reason for the others.
 
-A linear model about hover does not describe the rig on its table, at a stop, in take-off at the
-amplifier's limit, or in free fall. Such rows are left out, each counted under a reason:
+A linear model about hover does not describe the rig on its table, at a stop, in take-off, or in
+free fall. Such rows are left out, each counted under a reason:
 
 ``unread``        a NaN in a voltage or an angle
 ``table``         on the table or within 1° of it for 0.1 s or more
-``take_off``      from lift-off until all three hold: roll is half-way to level, the voltages have
-                  been off their limit for 0.25 s, and 3 s have passed
+``take_off``      from lift-off until all three hold: roll is above half-way to level, the voltages
+                  have been off their limit for 0.25 s, and 3 s have passed
 ``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), at
                   rest there for 0.3 s or after an impact; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
@@ -20,8 +20,8 @@ stays longer,
 
     v T > `HIT` q
 
-A filter without stops would treat the impact as process noise. So if a row is at a stop, all rows
-of the flight with the same count are left out.
+A filter without stops would treat even a shorter impact as process noise. So if a row is at a stop,
+all rows of the flight with the same count are left out.
 
 Rows in flight with a voltage at its limit are kept, because the recorded voltage is that at the
 motor. Their share is reported.
@@ -79,7 +79,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in (i for i in measured if i != YAW):
-        # The lower stop of roll is the table: another reason.
+        # The lower stop of roll is the table, which has its own reason.
         above = y[:, i] if i != ROLL else np.maximum(y[:, i], 0.0)
         rows["stop"] |= _at_stop(above, recording.dt)
     phase = recording.channels.get("phase")

@@ -47,8 +47,8 @@ class TransferFunctions:
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
         """Return (zero, standard deviation) in rad/s for each zero of num[axis, motor].
 
-        The rightmost zero comes first. The standard deviation is √(var Re + var Im), NaN for a
-        double zero.
+        The rightmost zero comes first. The standard deviation is √(var Re + var Im); NaN for a
+        double zero, or if the covariance is unknown.
         """
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)

@@ -24,8 +24,8 @@ from heli3dof.model.estimation.filter_data import LOST, RowRange
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""s: time at the start of a run of usable rows without a score, because the filter still settles.
-It is shorter by the lead-in: usable rows directly before the run."""
+"""s: time without a score at the start of a run of usable rows, in which the filter settles. The
+lead-in, usable rows directly before the run, shortens this time by its length."""
 LEAD_IN_S = 10.0
 """s: longest lead-in, usable rows before a run in which the filter settles"""
 AFTER_TAKE_OFF_S = 2.0
@@ -55,7 +55,7 @@ class Metrics:
     prediction: dict[float, Score]
     replay: Score
     replay_note: str
-    """Why there is no replay; empty where there is one."""
+    """Why there is no replay, or that it diverges; otherwise empty."""
 
     def to_json(self) -> dict[str, Any]:
         """Return ``fit_percent`` and ``rmse_deg`` by axis, and why there is no replay, if so.
@@ -158,7 +158,8 @@ def replays(
     """Return measured and replayed angles (N, 3) rad for each recording that has ``runs``.
 
     The replay is a closed-loop simulation of ``model`` with the recorded references and controller.
-    Only the rows of ``runs`` are returned.
+    Only the rows of ``runs`` are returned; after a start from the table, without the first
+    `AFTER_TAKE_OFF_S` of usable rows.
     """
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)

@@ -6,5 +6,5 @@
 - `evaluation`: the likelihood's score and information
 - `perturbation`: how a small change of the model changes the filter's predictions; `evaluation`
   uses it (compiled loops: `perturbation_passes`)
-- `coloured_noise`: how much coloured noise increases the variances
+- `coloured_noise`: how much coloured noise increases the parameters' variances
 """

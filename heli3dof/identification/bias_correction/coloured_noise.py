@@ -23,8 +23,8 @@ import numpy as np
 
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_scores
 
-MEMORY_S = 3.0  # longest correlation that S includes, chosen
-CHANCE = 0.01  # chosen
+MEMORY_S = 3.0  # s, longest correlation that S includes, chosen
+CHANCE = 0.01  # probability that white noise alone gives ρ > 1, chosen
 
 
 def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:

@@ -1,10 +1,10 @@
 """Maximise the bias-corrected log-likelihood ℓ_c.
 
-θ are the base model's parameters, φ those of a candidate (an effect added to the base model), and
-a the noise intensities. At the true values, the derivatives of the filter's log-likelihood ℓ should
-have zero mean. But in flights simulated at θ_0, φ_0 (no effect) and a_0, ∂ℓ/∂θ has the mean ḡ,
-∂ℓ/∂φ the mean b, and ∂ℓ/∂ln a the mean s̄ (`bias_correction.correction`). ℓ_c subtracts these
-means, so that its derivatives have zero mean, to first order:
+θ are the base model's parameters, φ those of a candidate (an effect added to the base model), and a
+the noise intensities. At the true values, the derivatives of the filter's log-likelihood ℓ should
+have zero mean. But in flights simulated at θ_0, φ_0 (no effect) and a_0, they have the means ḡ
+(∂ℓ/∂θ), b (∂ℓ/∂φ) and s̄ (∂ℓ/∂ln a); see `bias_correction.correction`. ℓ_c subtracts these means,
+so that its derivatives have zero mean, to first order:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
@@ -29,7 +29,7 @@ from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE
 
 ROUNDS = 14
 TOLERANCE = 0.02  # predicted gain of the log-likelihood at which the search ends, chosen
-NOISE_CONVERGED = 0.06  # step of ln a at which the noise has converged, chosen
+NOISE_CONVERGED = 0.06  # largest step of ln a of a converged noise, chosen
 CHECKED_GAIN = 2.0
 """A step with a smaller predicted gain of the log-likelihood is accepted unchecked. Chosen."""
 

@@ -5,12 +5,12 @@ parameters, the score (the log-likelihood's derivative by the parameters) has a 
 the maximum of the likelihood is biased. The bias is largest for an inertia in a limit cycle on an
 encoder edge. If the controller is known, `correct` simulates B flights of the fitted model
 (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
-flight b, both at the parameters θ (n,). H (n, n) is the information, averaged over the recordings
-and the flights. θ_0 and Λ are the prior's mean and information:
+flight b, both at the parameters θ (n,). H_r (n, n) is the recordings' information; H is the mean of
+H_r and the flights' mean information. θ_0 and Λ are the prior's mean and information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
-    cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
+    cov θ = (H_r + Λ)⁻¹ ((1 + 1/B) C + Λ) (H_r + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
 In the same way, s̄ = mean s_b corrects s, the log-likelihood's derivatives by the logarithms of the
 three noise intensities. Coloured noise multiplies element ij of cov θ by √(ρ_i ρ_j)
@@ -44,8 +44,8 @@ m = 120 blocks (a minute); 1.2 is 1 plus five of these."""
 ROUNDS = 10
 """Largest number of rounds, unless the caller gives another. Chosen."""
 CONVERGED = 0.35
-"""The search ends at a step of θ below this many standard deviations: about 1/√8, the error of ḡ
-from eight simulated flights."""
+"""The search ends at a step of θ below this many standard deviations. It is about 1/√8: the
+standard error of the mean ḡ of eight flights, in standard deviations of one flight's score."""
 NOISE_CONVERGED = 0.1  # largest step of ln a at the end of the search, chosen
 REUSED_WITHIN = 0.3, 3.0
 """Largest changes of ln a, and of θ in standard deviations, up to which s̄ is not computed again.

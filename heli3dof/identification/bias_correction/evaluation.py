@@ -3,7 +3,7 @@
     g = ∂ℓ/∂θ,   H = Σ w ∂c ∂cᵀ,   s_i = ∂ℓ/∂ ln a_i ≈ (ℓ_i(a e^δ) − ℓ_i(a e^−δ)) / 2δ
 
 ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), ℓ_i its part of
-axis i, θ (n,) are the scaled parameters, a_i is the process noise of axis i. H is a sum over the
+axis i. θ (n,) are the scaled parameters, a_i is the process noise of axis i. H is a sum over the
 encoder readings: c is the prediction of a reading, ∂c its derivative by θ, w its information. The
 step δ = `PROBE` is large, because the likelihood is rough at smaller scales.
 """
@@ -37,7 +37,8 @@ SCANNED = ("mass.change.time_s",)
 """Parameters that no search changes, because the likelihood has many local maxima. A scan over a
 grid of values sets them instead."""
 COARSE = {"mass.change.time_s": 5e-3}
-"""Parameter → step of its finite difference in place of `DIFFERENCE`; here 0.05 s. Chosen."""
+"""Parameter → step of its finite difference, in place of `DIFFERENCE`. Steps are in the scaled
+parameter; 5e-3 is 0.05 s. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)

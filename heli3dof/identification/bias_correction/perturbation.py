@@ -17,8 +17,9 @@ Kalman gain, is held fixed.
 - `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of the weighted sum
   Σ_e q_e δc_e by the change δa_b in each chunk b. So one pass suffices for all changes:
   Σ_e q_e δc_e = Σ_b L_b · δa_b
-- `misreading`: computes the change δm (rad) of the encoder reading at an unchanged angle. It adds
-  δm to δc at the angle's events, and changes the initial angles by −δm/σ.
+- `misreading`: computes the change δm (rad) of the encoder reading at an unchanged angle. With δm,
+  `forward` computes δc = σ δx_c + δm at the angle's events; each block's first angle is changed by
+  −δm/σ
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.parametrisation import Structure
 
-CHUNK_S = 0.01  # chosen
+CHUNK_S = 0.01  # s, chosen
 MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
-"""Stages of those effects that change the thrusts"""
+"""Stages whose hooks can change the thrusts that the rotor model computes from the voltages"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +165,12 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
 
-    ``q`` (M, E): M sets of weights q_e of the E readings. The results are three derivatives:
-    (M, C, 3) by changes of the accelerations in C chunks, (M, E) by changes of the readings at
-    unchanged angles, and (M, B, 6) by changes of the initial states of the data's B blocks.
+    ``q`` (M, E): M sets of weights q_e of the E readings. The three results are derivatives by
+    changes of
+
+    - the accelerations in C chunks, (M, C, 3)
+    - the readings at unchanged angles, (M, E)
+    - the initial states of the data's B blocks, (M, B, 6)
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)
@@ -188,7 +192,7 @@ def project_out(
     D (K, E) or (E,) are the changes of E predictions (rad) per unit of each of K causes.
     T = ``tangents`` (p, E) are those per unit of each of p fitted parameters, w (E,) is the
     predictions' information (1/rad²), and A (p, p) = T w Tᵀ + Λ with the prior's information Λ.
-    D w D̃ᵀ is the part of the information D w Dᵀ that remains. Use it instead of D̃ w D̃ᵀ, which is
-    smaller in general, because A includes Λ.
+    D w D̃ᵀ is the part of the information D w Dᵀ that remains. Do not use D̃ w D̃ᵀ for it: that is
+    smaller, because A includes Λ.
     """
     return np.asarray(D - np.linalg.solve(A, (tangents * w) @ D.T).T @ tangents)

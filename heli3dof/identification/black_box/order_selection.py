@@ -11,7 +11,8 @@ flights, of
 None of the methods minimises these two errors, so a larger order does not score better merely
 because it has more parameters. The replay rejects models that are good one step ahead and diverge
 in closed loop; the prediction rejects poor noise models. The search chooses the smallest order
-whose score is at most `SCORE_TOLERANCE` percentage points below the best.
+whose score is at most `SCORE_TOLERANCE` percentage points below the best. If several intervals of
+this order qualify, it takes the one with the highest score.
 """
 
 from __future__ import annotations

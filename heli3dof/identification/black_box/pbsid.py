@@ -1,7 +1,7 @@
 """PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
 
-Let Ã = A − K C be stable. Then the prediction ŷ of the output y depends only on the last p samples
-of input u and output y, up to a term in Ã^p. d is a constant offset:
+Let Ã = A − K C be stable. Up to a term in Ã^p, the prediction ŷ of the output y depends only on the
+last p samples of input u and output y. d is a constant offset:
 
     ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
 

@@ -1,10 +1,11 @@
 """Prediction-error identification in innovation form, with exact sensitivities.
 
-The criterion is the Gaussian likelihood of N innovations e, with their covariance S eliminated,
+The criterion V is the negative Gaussian log-likelihood per row of the N innovations e, minimised
+over their covariance S, without its constant:
 
     V(θ) = ½ log det S(θ),      S = (1/N) Σ e[k] e[k]ᵀ
 
-Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C), Ã = A − K C, minimise it. With n
+Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C), Ã = A − K C, minimise V. With n
 states, m inputs and l outputs, only n(m+2l) directions of the n(n+m+2l) entries change the
 predictor. The others change the state coordinates (Ã → TÃT⁻¹ …). A QR at each iterate removes them
 ("data-driven local coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635).
@@ -194,8 +195,8 @@ def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-d
 def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.ndarray:
     """Return an orthonormal basis (entries, p) of the changes of W, C that alter the predictor.
 
-    W (n, n+m+l) is [Ã B K], C (l, n) the output matrix, m the number of inputs, ``entries`` the
-    number of entries of W and C. With ``output_error`` K stays fixed.
+    W (n, n+m+l) is [Ã B K], C (l, n) the output matrix, m the number of inputs. ``entries`` is the
+    number of entries of W and C together. With ``output_error`` K stays fixed.
     """
     n, l, w = W.shape[0], C.shape[0], W.shape[1]
     entries = n * w + l * n
@@ -226,7 +227,7 @@ def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: igno
 
 
 def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ignore[no-untyped-def]
-    """Return the information (q, q) and gradient (q,) of the criterion at the model ``point``.
+    """Return information (q, q) and gradient (q,) of the log-likelihood at the model ``point``.
 
     The q = p + l parameters are steps along the p columns of T (from `_tangent`), and the offset d.
     Initial states are eliminated. With ``scores``, there is a third result (q, q): the sum of

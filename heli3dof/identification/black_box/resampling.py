@@ -11,13 +11,13 @@ The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ
 the q samples. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well as the
 fit at the decimated rate.
 
-The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predictor of
+The fit's constant output offset d is replaced by trims y0 (rad) and u0 (V):
 
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
-has the same constant term. Many pairs (y0, u0) have this property. `trims` takes the one with the
-least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's means. The 20 is the weight
-`VOLT_FOR_RADIAN`.
+The constant part of the one-step prediction stays the same. Many pairs (y0, u0) have this property.
+`trims` takes the one with the least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's
+means. The 20 is the weight `VOLT_FOR_RADIAN`.
 """
 
 from __future__ import annotations
@@ -108,9 +108,10 @@ def trims(
     """Return trims u0 (2,) V and y0 (3,) rad that replace the model's constant output offset d.
 
     The model describes deviations from the data's means, u_mean (2,) V and y_mean (3,) rad. The
-    trims differ from these means by δu0 and δy0. (δu0, δy0) is the solution of
-    [I − C G K] δy0 − C G B δu0 = d, G = (I − Ã)⁻¹, Ã = A − K C, with the least
-    ‖δy0‖² + ‖δu0/20‖² (`VOLT_FOR_RADIAN` = 20).
+    trims differ from these means by δu0 and δy0, which solve, with `VOLT_FOR_RADIAN` = 20:
+
+        min ‖δy0‖² + ‖δu0/20‖²   subject to   [I − C G K] δy0 − C G B δu0 = d
+        G = (I − Ã)⁻¹,  Ã = A − K C
     """
     n, l = model.order, len(model.C)
     CG = model.C @ np.linalg.pinv(np.eye(n) - model.At)

@@ -85,8 +85,8 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
     """Return each run's one-step prediction errors (rad), and voltages minus ``chosen.u_mean`` (V).
 
-    For the method ``oe``, they are simulation errors. The data are decimated to the sampling
-    interval of ``chosen``.
+    For the method ``oe``, the errors are those of a simulation. The data are decimated to the
+    sampling interval of ``chosen``.
     """
     ss = chosen.state_space
     if ss.K.any():

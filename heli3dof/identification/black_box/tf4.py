@@ -153,10 +153,10 @@ def _covariance(
 ) -> np.ndarray:
     """Return the sandwich covariance of the coefficients [den[1:], num.ravel()].
 
-    ``log_p`` (4,) are the logarithms of the denominator's parameters, X the `_regressors` for this
-    denominator (columns) at all samples (rows), ``theta`` their coefficients for the three angles.
-    E are the simulation errors (rad), ``size`` (3,) the angles' standard deviations (rad). T (s) is
-    the sampling interval of ``data``.
+    ``log_p`` (4,) are the logarithms of the denominator's parameters. X are the `_regressors` for
+    this denominator, a row per sample; ``theta`` are their coefficients for the three angles. E are
+    the simulation errors (rad), ``size`` (3,) the angles' standard deviations (rad). T (s) is the
+    sampling interval of ``data``.
     """
     q, outputs = X.shape[1], E.shape[1]
     p = 4 + q * outputs

@@ -34,7 +34,7 @@ from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure, thrust_per_volt_ratio
 
 MAX_INERTIA_RATIO = 2.5
-"""Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
+"""Largest plausible factor between an inertia and its nominal value, up or down. Chosen."""
 TIGHT_PRIOR = 0.1
 """The narrow prior's std of an inertia's logarithm, as a multiple of the tolerance. Chosen."""
 HELD_STD = 1e-4

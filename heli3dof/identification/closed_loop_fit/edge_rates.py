@@ -72,7 +72,8 @@ class Round:
     H: np.ndarray
     """(n, n) information of the scaled parameters"""
     effects: np.ndarray | None
-    """(6, n + 6) derivatives of the mean moments by 3 log inertias, 3 log noises; or None"""
+    """(6, n + 6) derivatives of the mean moments by 3 log inertias, 3 log noises; None without
+    design"""
     scores: np.ndarray
     """(B, n) scores of the flights"""
     slopes: np.ndarray
@@ -106,7 +107,7 @@ def fit_with_edge_rates(
         )
         if not (np.isfinite(y).all() and np.isfinite(at.difference).all()):
             return start
-        # C and G are means over the rounds of the same kind.
+        # C is a mean over the rounds with design, later over those without; G over those with.
         share = 1 / (1 + (count if designed else count - DESIGN_ROUNDS))
         C = (1 - share) * C + share * at.C
         if at.effects is not None:

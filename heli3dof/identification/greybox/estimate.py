@@ -9,9 +9,9 @@ b of half a second. The actual scatter of the scores is B = Σ_b s_b s_bᵀ. Wit
 
 The last factor is there because the scores' sum is zero at the optimum. κ widens the intervals if
 the scores scatter more than the noise model allows. A single number κ replaces the full sandwich
-H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is uncertain by 10 to 20 %, their average
-only by 2 to 5 %. κ is at least 1, because blocks of half a second miss the scatter from slow
-drifts.
+H⁻¹ B H⁻¹, because it is more accurate. With a hundred blocks, each entry of B is uncertain by 10 to
+20 %, the average of the entries only by 2 to 5 %. κ is at least 1, because blocks of half a second
+miss the scatter from slow drifts.
 
 The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
 Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its

@@ -10,9 +10,9 @@ step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-`follow_on` recomputes D by differences after two failed steps in a row. At the minimum, it
-recomputes D if, since D was last computed, a step lowered Q by less than 0.5 or more than 1.5 times
-the predicted decrease.
+`follow_on` recomputes D by differences after two failed steps in a row. It also does so at the
+minimum, if D predicted the decrease of Q poorly. That is, a step since the last computation lowered
+Q by less than 0.5 or more than 1.5 times the predicted decrease.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Poles, transfer functions and frequency responses of a physical fit, with standard deviations.
 
-The model is linearised about hover, without the effects that are `PhysicalFit.absent`. Each of
-these quantities f has the covariance F P Fᵀ, with the covariance P of the parameters θ and
+The model is linearised about hover, without the effects that are `PhysicalFit.absent`. A pole, a
+coefficient or a response f has the covariance F P Fᵀ, with the covariance P of the parameters θ and
 F = ∂f/∂θ by differences. `innovations` computes the errors for the residual tests. `fit_result`
 collects all results in a `FitResult`.
 """
@@ -91,8 +91,8 @@ def _response(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the response of ``here`` at ω (F,) rad/s, and its standard deviation.
 
-    ``moved``: the models with each scaled parameter moved by its step, ``steps`` (n,). ``cov``
-    (n, n): covariance of the scaled parameters.
+    ``moved``: n models, in each of which one scaled parameter is moved by its step in ``steps``
+    (n,). ``cov`` (n, n): covariance of the scaled parameters.
     """
     G0 = here.response(omega)
     dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])

@@ -6,14 +6,15 @@ Each round has two parts, one for the noise and one for the scaled parameters θ
    likelihoods at a lower, the present and a higher noise. As the axes are nearly independent, the
    noises of all axes change together. Once the noise has converged, only every fourth round takes
    this step.
-2. A step δ of θ, within the bounds. Let c be the filter's prediction of a reading, ∂c its gradient
-   by θ at fixed filter gains, g the score and w the information of the reading. Λ is the prior's
-   precision, θ_0 its mean. δ solves
+2. A step δ of θ, within the bounds. Let c be the filter's prediction of a reading, and ∂c its
+   gradient by θ at fixed filter gains. g is the score of the reading, w its information. Λ is the
+   prior's precision, θ_0 its mean. δ solves
 
     (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ
 
-The Levenberg–Marquardt factor λ grows until the step raises the likelihood. The search ends when
-half the Newton decrement (the predicted increase of the log-likelihood) is below `TOLERANCE`.
+The Levenberg–Marquardt factor λ grows until the step raises the likelihood. A step with a small
+predicted increase is not checked (`CHECKED_GAIN`). The search ends when half the Newton decrement
+(the predicted increase of the log-likelihood) is below `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ JITTERS = (0.001, 0.002, 0.004, 0.008)
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
 """Increase of the log-likelihood above which a larger jitter is accepted."""
-PROBE = 0.5  # step of the log intensity
+PROBE = 0.5  # step of ln a in the differences for slope and curvature
 
 
 @dataclass(frozen=True, eq=False)

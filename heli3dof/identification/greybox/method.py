@@ -89,10 +89,11 @@ def has_jitter(recording: Recording) -> bool:
 
 
 def chosen_terms(words: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the effects that ``words`` selects, as a list or separated by commas.
+    """Return the names of the effects that ``words`` selects.
 
-    ``words`` is ``+name,-name`` (adds to and removes from `DEFAULT_TERMS`) or ``name,name`` (the
-    full list). Raises UsageError for an unknown name, or for a ``-name`` that cannot be removed.
+    ``words`` is text with commas, or a list of words. ``+name,-name`` adds to and removes from
+    `DEFAULT_TERMS`; ``name,name`` is the full list. Raises UsageError for an unknown name, or for a
+    ``-name`` that cannot be removed.
     """
     if not isinstance(words, str):
         if not words:
@@ -121,8 +122,8 @@ def fit_greybox(
 ) -> Estimate:
     """Return physical parameters, fitted to recordings of one rig by maximum likelihood.
 
-    `model_of` converts the result to a model. A recording may contain a single angle (the model
-    then has the other axes fixed), and its controller may be unknown.
+    `model_of` converts the result to a model. A recording may contain a single angle (the fit then
+    holds the other axes at rest), and its controller may be unknown.
     `heli3dof.identification.row_selection` selects the rows. Unlike ``identify``, the function
     neither corrects the bias on a limit cycle (`closed_loop_fit.identify_correction`) nor
     simplifies the equations.
@@ -166,8 +167,8 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 def parameters(found: Estimate) -> dict[str, Parameter]:
     """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, warning or ``""``.
 
-    For an effect that is absent from the recordings, the standard deviation is at least the
-    distance of the value from that at which the effect vanishes (0, for most parameters).
+    Let v_0 be the value at which an effect vanishes (0 for most parameters). If the effect is
+    absent from the recordings, the standard deviation is at least value − v_0.
     """
     least = np.where(found.absent, found.values - [f.null for f in found.free], 0.0)
     std = np.maximum(found.std, least)

@@ -1,9 +1,9 @@
 """Fit physical parameters by minimising the errors of predictions up to 3 s ahead.
 
-The method is for logs with sampling jitter or unmodelled fast motion. If a sample was not taken at
-the time of its time stamp, a one-step prediction has an error that is proportional to the angular
-rate. In a fit to one-step predictions, these errors bias every parameter that acts through
-accelerations towards zero. In predictions over a second or more, they are negligible.
+The method is for logs with sampling jitter or unmodelled fast motion. If a time stamp is not the
+time of its sample, a one-step prediction has an error that is proportional to the angular rate. In
+a fit to one-step predictions, these errors bias towards zero every parameter that acts through
+accelerations. In predictions over a second or more, the errors are negligible.
 
 Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
 k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
@@ -13,16 +13,16 @@ k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
 
 where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The fit runs
 in stages, from short horizons to long ones, because predictions with a poor start diverge over long
-horizons. Each stage estimates the errors' scales s again. The search is
+horizons. Each stage estimates the errors' scales s (RMS values) again. The search is
 `heli3dof.identification.greybox.levenberg_marquardt`; ∂e/∂θ includes the filter's change with θ.
 
 θ_0 is the prior mean, Λ the prior's precision, which is weak for every effect. The prior of the
 inertias follows from geometry: lengths and a few masses determine the *ratios* of the inertias.
-Their common factor is uncertain, because the fit gives inertias in units of the thrust gain K_f,
-which differs by a factor of two between rigs.
+Their common factor is uncertain: the fit gives inertias in units of the thrust gain K_f, which
+differs by a factor of two between rigs.
 
 A parameter named in ``varying`` has a different value in each recording, with the prior N(common
-value, ``varying``²).
+value, σ²) and σ = ``varying[name]``.
 """
 
 from __future__ import annotations
@@ -319,8 +319,9 @@ def search(
     ``problem`` contains the flights and the model structure, ``start`` scaled parameters.
     ``stages_s`` are the horizons (s) of successive minimisations, each of at most ``rounds``
     iterations. ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and
-    jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale the residuals. Without ``noise``
-    or ``fixed``, each stage estimates them. ``progress`` gets a line per iteration.
+    jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale the residuals. If ``noise`` is
+    None, each stage estimates the noise; if ``fixed`` is None, each stage estimates the RMS errors.
+    ``progress`` gets a line per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()

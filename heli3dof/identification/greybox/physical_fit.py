@@ -10,8 +10,8 @@ import numpy as np
 from heli3dof.model.physics.parametrisation import FreeParameter, Structure
 
 NEAR_BOUND = 0.02
-"""A value nearer to its lower bound counts as at the bound. The distance is relative to the bound,
-or if the bound is 0, to the typical size. Chosen."""
+"""A value at most this far above its lower bound counts as at the bound. The distance is relative
+to the bound if the logarithm is fitted, otherwise to the parameter's typical size. Chosen."""
 
 
 class PhysicalFit(ABC):

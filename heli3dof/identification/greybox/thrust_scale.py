@@ -1,16 +1,16 @@
 """Estimate the thrust gain K_f from four fitted parameters and the profile's tolerance.
 
 Flights do not identify K_f: if all torques and inertias are multiplied by the same factor, the
-motion is the same (`heli3dof.model.physics.rigid_body`). So a fit with K_f at its nominal value
-gives the gravity torque and inertias X = (T_g, J_roll, J_pitch, J_yaw) only as x_i = X_i/k, with
-k = K_f/K_f,nominal. The profile's values of K_f and of the four parameters have the relative error
-s, half the profile's ``tolerance``. To allow for outliers, the posterior density of ln k uses
-Student's t density t_ν with ν = `DEGREES_OF_FREEDOM`:
+motion is the same (`heli3dof.model.physics.rigid_body`). Let X be the gravity torque and the
+inertias (T_g, J_roll, J_pitch, J_yaw), and k = K_f/K_f,nominal. A fit with K_f at its nominal value
+gives only x_i = X_i/k. The profile's values of K_f and of the four parameters have the relative
+standard error s, half the profile's ``tolerance``. To allow for outliers, the posterior density of
+ln k uses Student's t density t_ν with ν = `DEGREES_OF_FREEDOM`:
 
     p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/√(s² + σ_i²)),    σ_i: relative std of x_i
 
 If all four ratios x_i/X_i,nominal have the same value, the estimate of k is near its inverse. If
-only one ratio deviates from 1, k stays near 1. k, estimated by the mean of ln k, converts torques
+only one ratio deviates from 1, k stays near 1. k, estimated by exp(mean of ln k), converts torques
 and inertias to SI.
 
 Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning

@@ -8,14 +8,16 @@ by parts move the derivatives from the measured angles q to φ:
 θ are the parameters, τ is the time scaled to the span. So no measurement is differentiated twice,
 and sampling jitter has little effect. q are the readings, corrected for the modelled encoder
 effects. q̇ is their derivative by a local polynomial over `SMOOTH_S`. The thrusts F follow from the
-voltages. Overlapping spans of the lengths `SPANS_S` (s) cover all rows in flight. With e the left
-side minus the right side, and the prior N(θ_0, Λ⁻¹), the fit minimises
+voltages. Overlapping spans of the lengths `SPANS_S` (s) cover the prediction windows of the
+multi-step fit. With e the left side minus the right side, and the prior N(θ_0, Λ⁻¹), the fit
+minimises
 
     Σ (2 asinh(e/2s))² + (θ − θ_0)ᵀ Λ (θ − θ_0)
 
-where s is the errors' scale (1.48 × the median of |e|), estimated again in each of `ROUNDS` rounds.
-Nothing is simulated, so the search converges in seconds, even from values at which a simulation
-diverges. Noise in q and q̇ biases the result slightly, so it is only the multi-step fit's start.
+where s is the errors' scale: 1.48 × the median of |e|, for each axis and span length. Each of
+`ROUNDS` rounds estimates s again. Nothing is simulated, so the search converges in seconds, even
+from values at which a simulation diverges. Noise in q and q̇ biases the result slightly, so it is
+only the multi-step fit's start.
 """
 
 from __future__ import annotations
@@ -177,7 +179,7 @@ def residuals(
             s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
             log.y_smooth, log.y_dot, out,
         )  # fmt: skip
-        # The correction for encoder effects is smooth: the smoothed angle's suits the raw one, too.
+        # The correction for encoder effects, computed at smoothed readings, also fits the raw ones.
         q = log.y + (out[:, :3] - log.y_smooth)
         q[:, ~f.free] = 0.0
         for j, each in enumerate(log.spans):
