@@ -20,8 +20,8 @@ torque (`significant_formula`):
 
     t² = u²/σ_u²,    threshold 2 q²
 
-- σ_u² is the variance of the score u, valid also for coloured noise. The effect of the torque c φ is
-  subtracted from the readings' scores. Then the score of c is summed over each block of
+- σ_u² is the variance of the score u, valid also for coloured noise. The effect of the torque c φ
+  is subtracted from the readings' scores. Then the score of c is summed over each block of
   `greybox.estimate.BLOCK_S`. σ_u² is the long-run variance of the total of these sums (Newey and
   West), but at least κ v.
 - q is Student's two-sided quantile for the false-alarm probability p = `TORQUE_FALSE_ALARMS`/m,
