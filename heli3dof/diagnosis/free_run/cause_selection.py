@@ -31,9 +31,9 @@ are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in ha
                                                all u_h of one sign, none mostly the prior
     δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_99`
 
-q is the normal quantile of `LEVEL`. An estimate that is mostly the prior is not significant,
-because both fits share the prior, which makes their estimates equal. If the parameter varies by
-recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
+q is the one-sided normal quantile of `LEVEL`. An estimate that is mostly the prior is not
+significant: both fits share the prior, which makes their estimates equal. If the parameter varies
+by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
 """
 
 from __future__ import annotations
