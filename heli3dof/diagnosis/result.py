@@ -231,7 +231,7 @@ class PlanForecast:
     """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
 
     ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`),
-    or for each undecided parameter (`planning.free_run_plan`). Causes not simulated have none.
+    or for each undecided parameter (`planning.free_run_plan`).
     ``certainty``: probability that a flight of the plan decides.
     """
 

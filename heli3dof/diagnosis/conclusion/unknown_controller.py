@@ -17,7 +17,8 @@ On an encoder limit cycle the bias may be so large that an axis' inertia is impl
 - No finding that acts on this axis is reported (`is_biased`).
 - Other findings must meet the condition on an axis whose inertia is plausible.
 - The trim torque may meet it on any axis: the mean voltage determines the trim torque, whatever the
-  bias of an inertia. `conclusion.adoption` also exempts parts of the rigid body's equations.
+  bias of an inertia. Parts of the rigid body's equations may meet it on any axis, too
+  (`conclusion.adoption`).
 """
 
 from __future__ import annotations

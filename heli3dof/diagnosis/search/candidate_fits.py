@@ -25,7 +25,7 @@ parameter:
 Δℓ(w) rises; ŵ is the last value at which it rose. A term is fitted in full if both hold:
 
 1. Δℓ(ŵ) > `MIN_TRIAL_GAIN`.
-2. If the controller is known: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`. The maximum is over
+2. If flights can be simulated: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`. The maximum is over
    flights simulated from the current fit, whose gains are Δℓ_null. Without this condition, an axis
    with little motion could have a large Δℓ by chance.
 """

@@ -16,16 +16,17 @@ scores contain the bias that encoder quantisation and feedback cause. Each score
   scan omits it: the mean of a largest z is positive even without bias.
 
 Without any effect, Z/√(1 + 1/B) has Student's t distribution with ν = B − 1 + `COMMON` degrees of
-freedom. t_ν(p) is the value that it exceeds with probability p. Bonferroni's threshold of Z² is
+freedom. t_ν(p) is the value that this t exceeds with probability p. Bonferroni's threshold is
 
     Z*² = (1 + 1/B) t_ν(FALSE_ALARMS / 2P)²
 
 The largest of the P values Z² exceeds it in at most a share FALSE_ALARMS of recordings. With at
-least `GUMBEL_FROM` nulls, a Gumbel distribution is fitted to the largest Z² of each null. If its
-quantile for FALSE_ALARMS is higher than Bonferroni's threshold, it is the threshold.
+least `GUMBEL_FROM` nulls, a Gumbel distribution is fitted to the largest Z² of each null. Its
+quantile for FALSE_ALARMS replaces Bonferroni's threshold if it is higher.
 
-If the controller is unknown, no null can be simulated. Then Z = z/√κ with the fit's variance
-inflation κ, and the threshold is twice Bonferroni's for a normal distribution.
+If the controller is unknown or flights simulated from the fit diverge, there are no nulls. Then
+Z = z/√κ with the fit's variance inflation κ, and the threshold is twice Bonferroni's for a normal
+distribution.
 
 **Gumbel distribution**, fitted to maxima by the method of moments:
 

@@ -5,8 +5,8 @@ Encoders on a limit cycle make the score bias large, and its linear correction
 correction. The causes to compare (rivals) are fitted (`bias_correction.correction`), and B flights
 are simulated from each. For the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their
 log-likelihoods for the recordings. In the flights simulated from k, this difference has the mean
-m_k and the standard deviation s_k. t is the density of Student's distribution with B − 1 degrees of
-freedom. W_kj is twice the log odds of k against j:
+m_k and the standard deviation s_k. f_k is the density of the difference under rival k, t that of
+Student's distribution with B − 1 degrees of freedom. W_kj is twice the log odds of k against j:
 
     f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 

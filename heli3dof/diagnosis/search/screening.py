@@ -20,7 +20,7 @@ from heli3dof.model.effects import Term
 
 ONE_SIDED = 0.25
 """A parameter is one-sided if its range below the null value, divided by its range above it, is
-smaller. Chosen."""
+less than this. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)

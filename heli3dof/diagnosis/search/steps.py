@@ -135,7 +135,8 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     """Return the step after ``fit``: its scores and their nulls, no choice yet.
 
-    ``flights``: number of nulls to simulate, if the controller is known.
+    ``flights``: number of nulls to simulate. If simulated flights did not correct the bias of
+    ``fit``, a formula replaces the nulls.
     """
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)

@@ -66,8 +66,8 @@ ALTERNATIVE_SHARE = 0.5
 MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 TORQUE_FALSE_ALARMS = 0.0005
-"""Probability of a false residual torque in a diagnosis. Chosen low; the threshold that it requires
-is extrapolated from few nulls."""
+"""Probability of a false residual torque in a search. Chosen low; the threshold that it requires is
+extrapolated from few nulls."""
 THRESHOLD_SCALES = gumbel_factor(TORQUE_FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
 WINDOW_S = 0.1
