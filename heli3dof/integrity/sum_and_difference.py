@@ -10,8 +10,8 @@ difference if all of these hold:
 - Pitch has a response to them.
 - The motion does not show two swapped columns (`columns`).
 
-D is back − front if pitch responds against front − back, and yaw does not turn against the tilt
-(`directions` reports pitch's sign if yaw also turns the wrong way).
+D is back − front if pitch responds against front − back, and yaw does not turn against the tilt. If
+yaw also turns the wrong way, `directions` reports pitch's sign.
 """
 
 from __future__ import annotations

@@ -215,8 +215,9 @@ def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
 def is_significant_gain(g: Gain) -> bool:
     """Return whether the gain ``g`` suffices to adopt a cause, whatever the cause's score.
 
-    It suffices if the increase Δℓ in the log-likelihood of held-out data is significant, or if
-    Δℓ > `LARGE_GAIN` and the prediction error of an axis decreases significantly.
+    It suffices if it meets the module's condition 1 or 3. Δℓ, the increase in the log-likelihood of
+    held-out data, must be significant. Or Δℓ > `LARGE_GAIN`, and the prediction error of an axis
+    decreases significantly.
     """
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return gain_interval_positive(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)

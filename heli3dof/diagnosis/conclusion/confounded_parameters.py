@@ -43,9 +43,8 @@ The two flights differ only in products of rates and in higher-order terms of th
 
 Let x = ln(J/J_nominal) for a fitted inertia J, σ the standard deviation of x, ε the profile's
 tolerance and e = ln(1 + ε) + `SIGMAS_95` σ. δ is the roll offset found, or asin(τ/T_g) for a
-pendulum torque τ and the trim torque T_g. A finding is confounded with the scale error of an axis
-if k is within the bounds of the effect ``encoder.scale`` and meets the conditions in the row of the
-axis:
+pendulum torque τ and the trim torque T_g. A finding is confounded with the scale error k of an axis
+if k meets the conditions in the row of the axis, within the bounds of the effect ``encoder.scale``:
 
     yaw     ln k = −x_ψ
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ

@@ -8,8 +8,8 @@ no effect. The confidence level (two-sided) at which the parameter differs from 
 For a parameter that varies by recording, P follows from χ² of its values. A term is a cause if all
 of these hold:
 
-- A fit without the term predicts held-out blocks worse, or the term's prior already excludes that
-  the term has no effect (a term known beforehand, `free_run.elimination`).
+- A fit without the term predicts held-out blocks worse, or the term is known beforehand: its prior
+  already excludes that it has no effect (`free_run.elimination`).
 - P ≥ `LEVEL`, and the estimate is not mostly the prior: σ is clearly below the prior's standard
   deviation (`MultiStepFit.mostly_prior`).
 - The estimates from both halves of the data agree, and each is significant. A half is every other
