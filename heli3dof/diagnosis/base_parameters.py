@@ -46,7 +46,7 @@ FINDINGS = {
 }  # fmt: skip
 """Base parameter → name of the finding that it differs from nominal"""
 THRUST_GAIN, *PARAMETERS = FINDINGS.values()
-"""K_f, which changes the others alike; T_g and inertias, in the order of a fit's parameters"""
+"""Names of the findings: of K_f; of T_g and the inertias, in the order of a fit's parameters"""
 STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
 

@@ -101,11 +101,12 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     """Return a JSON object for each base parameter: estimate, nominal value, relative tolerance.
 
-    ``beyond_tolerance`` states whether the parameter differs from nominal by more than that:
+    ``beyond_tolerance`` states whether the parameter differs from nominal by more than the
+    tolerance:
 
     - "surely": it does, and is a finding
     - "not_surely": the estimate does, but noise or a residual torque may be the reason
-    - "no": it does not
+    - "no": the estimate does not
     """
     tolerance = f.model.profile.tolerance
     findings = {x.term.name for x in d.calibration_findings}

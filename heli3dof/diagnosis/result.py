@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas
 
 MIN_CERTAINTY = 0.5
-"""Certainty below which no plan is expected to give a decision. Chosen."""
+"""Certainty (probability of a decision) below which a plan is not expected to decide. Chosen."""
 DOES_NOT_PAY = "held-out data do not confirm its gain"
 COLOURED = "this recording's low-frequency noise explains as much"
 WITHIN_A_COUNT = "an encoder error within one count explains as much"
@@ -85,7 +85,7 @@ class Fitted:
 
     base: CorrectedFit | None
     final: CorrectedFit | None
-    """Fits of the base simulation and with the causes; None if no likelihood was fitted"""
+    """Fits of the base simulation, and of the model with the causes; None without a likelihood"""
     model: GreyBoxModel
     gain: Gain
     """Gain of the extended model over the refitted base simulation"""
@@ -231,7 +231,7 @@ class PlanForecast:
     """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
 
     ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`),
-    or for each undecided parameter (`planning.free_run_plan`). Causes not simulated have none.
+    or for each undecided parameter (`planning.free_run_plan`).
     ``certainty``: probability that a flight of the plan decides.
     """
 

@@ -34,7 +34,11 @@ def grids(view: View) -> Iterable[Fault]:
 
 
 def _judged(view: View) -> list[int]:
-    """Return the measured axes without jumps, which look like motion that no voltage explains."""
+    """Return the measured axes to check; none in a recording of less than 20 complete rows.
+
+    An axis with a few jumps is left out: they look like motion that no voltage explains. More than
+    `FEW` jumps may come from a wrong unit, so such an axis is checked.
+    """
     if view.finite_rows.sum() < 20:
         return []
     return [i for i in view.measured if not 0 < len(deviations(view, i)[1]) <= FEW]

@@ -128,9 +128,10 @@ def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if over `REPEATED` of the tested rows repeat the row before.
 
     A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
-    the `NEAR` rows around. A repeated row has the angles and voltages of the row before: those at
-    the motors, those of the controller and of the experiment. It also has the row's device time and
-    sequence number. Without the latter, rows at rest may be equal if a command came late.
+    the `NEAR` rows around it. A repeated row has the angles of the row before, and all its
+    voltages: at the motors, of the controller, of the experiment. If device time and sequence
+    number were logged, they are those of the row before, too. Otherwise, a new sample at rest could
+    count as repeated if a command came late.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

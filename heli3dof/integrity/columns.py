@@ -8,20 +8,22 @@ voltages cause (`Response.drive`) exceeds `DRIVEN`. An axis is
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
 Axes *in question* are the inconsistent ones; if a voltage is constant, all driven ones. If there
-are any, the check swaps each pair of columns that may explain their motion. A swap must make at
-least one axis in question consistent, and no other axis inconsistent. The swap with the largest
-agreement over the driven axes
+are any, the check swaps each pair of columns that may explain their motion. A swap is a candidate
+if it makes an axis in question consistent, and no axis inconsistent that was not in question. The
+agreement M of a log with the profile is a sum over the driven axes:
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
-is reported if its M exceeds that of the unchanged log by `BETTER`, and no change of a voltage's
-sign gives a larger M.
+The candidate with the largest M is reported if both hold:
+
+* M with this swap minus M of the log as it is, is at least `BETTER`.
+* Without the swap, but with another sign of one voltage, M is not larger.
 
 **Grid.** Otherwise, an angle that is not on its encoder's grid and a reference that is on this grid
 are reported as swapped.
 
 **References.** Otherwise, the references of the axes a and b are reported as swapped if axis a
-follows b's reference. With the correlations ρ in flight,
+follows b's reference. ρ are correlations in flight:
 
     ρ(a, ref_b) > `FOLLOWS`,   ρ(a, ref_a) < `IGNORES`,   ρ(b, ref_b) < `IGNORES`
 
@@ -124,7 +126,10 @@ def axes_in_question(view: View, T: np.ndarray) -> set[str]:
 
 
 def swap_by_motion(view: View) -> tuple[int, int, str] | None:
-    """Return the numbers in `NAMES` of two swapped columns, and the evidence; None if none are."""
+    """Return (a, b, evidence) of two columns whose swap explains the motion, or None.
+
+    a and b are indices in `NAMES`. The result is None if the module's conditions hold for no swap.
+    """
     if not axes_in_question(view, _table(view.recording)):
         return None
     view = View(block_means(view.recording))

@@ -18,7 +18,10 @@ FIX = (
 
 
 def ended(view: View) -> Iterable[Fault]:
-    """Yield a note with the cause and the remedy that the flight itself recorded, if it did."""
+    """Yield a note if the flight was tripped.
+
+    Its cause and remedy are those stored in the recording, or else `CAUSE` and `FIX`.
+    """
     r = view.recording
     if r.meta.get("outcome") != "tripped":
         return

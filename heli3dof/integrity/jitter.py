@@ -3,7 +3,7 @@
 If the time stamps are the sampling times, they show the jitter
 (`heli3dof.recording.logs.sampling_clock`). If the stamps are even, the motion shows the jitter: the
 angle of every axis is off by its rate times the same time error δ
-(`heli3dof.recording.logs.sampling_jitter`). If both show jitter, their variances add:
+(`heli3dof.recording.logs.sampling_jitter`). If stamps and motion show jitter, the variances add:
 σ² = σ_stamps² + σ_motion². If the stamps are jittery but the samples were taken evenly, the stamps
 are times of arrival, and the check reports the note ``timing.arrival``.
 """

@@ -1,13 +1,17 @@
 """Report a log whose two voltages are the sum and the difference of the motors' voltages.
 
-In level flight both motors carry half of the weight, so their mean voltages (S ± D)/2 are nearly
-equal, and the mean of the difference D is small against that of the sum S. If the mean of one
-column is below `OPPOSED` times that of the other one, the motion decides. It must be explained
-better by (S + D)/2 and (S − D)/2 than by the logged voltages (`explains_better`), pitch must have a
-response, and no two columns may be swapped (`columns`).
+In level flight each motor carries half of the weight, so their mean voltages (S ± D)/2 are nearly
+equal. The mean of the difference D is then small against that of the sum S. If the |mean| of one
+column is below `OPPOSED` times that of the other one, the motion decides. The check reports sum and
+difference if all of these hold:
 
-D is back − front if pitch responds against front − back, and yaw turns with the tilt
-(`directions` reports pitch's sign if yaw also turns the wrong way).
+- The voltages (S + D)/2 and (S − D)/2 explain the motion better than the logged ones
+  (`explains_better`).
+- Pitch has a response to them.
+- The motion does not show two swapped columns (`columns`).
+
+D is back − front if pitch responds against front − back, and yaw does not turn against the tilt. If
+yaw also turns the wrong way, `directions` reports pitch's sign.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ them has the wrong sign, or the hover voltage was subtracted (`subtracted`).
 
 **Hover voltage subtracted.** The propellers of an arm in the air push one way, so voltages around
 zero lack their mean. Let g be the response of an axis to the voltages, as a multiple of the
-profile's (`response`), and K that of roll and pitch. Roll and pitch respond to changes of the
-voltages, and K does not depend on a subtracted mean. The mean shows in two ways:
+profile's (`response`), and K the median g of roll and pitch. Roll and pitch respond to changes of
+the voltages, so K does not depend on a subtracted mean. The mean shows in two ways:
 
 * Yaw's torque is sin p times the voltage sum. With V_o added to both voltages, yaw's g is K if V_o
   was subtracted, and K h/(1 + h) < K/4 if not. The limit is K/2, for |h| < `NEAR_ZERO`.
@@ -59,9 +59,8 @@ FLAT = 0.005
 DIFFERS_V, DIFFERS = 0.02, 0.01
 """V: largest difference of command and voltage; largest share of rows beyond it, or beyond v_max"""
 BETTER, WORSE = 0.7, 1.05
-"""Ratios of unexplained shares 1 − R² with two kinds of voltages: largest product over the axes if
-the first kind explains the motion better, and largest ratio of any axis. Dry friction on one axis
-shifts its ratio by 0.25 on a real rig."""
+"""Limits of `explains_better`: largest product of ρ over the axes, largest ρ of an axis. Dry
+friction on one axis shifts its ρ by 0.25 on a real rig."""
 
 
 def limit(view: View) -> Iterable[Fault]:
@@ -121,8 +120,8 @@ def explains_better(a: dict[str, Response], b: dict[str, Response]) -> bool:
     """Return True if the voltages of the responses ``a`` explain the motion better than those of b.
 
     ρ is an axis' unexplained share 1 − R² in ``a`` over that in ``b`` (R²: `Response.explained`).
-    The product of ρ over the axes must be below `BETTER`, and no axis may contradict it by
-    ρ > `WORSE`. An axis without a response is unexplained.
+    The product of ρ over the axes must be below `BETTER`, and the largest ρ below `WORSE`. An axis
+    without a response has the unexplained share 1.
     """
     ratios = [_unexplained(a.get(axis)) / _unexplained(b.get(axis)) for axis in {*a, *b}]
     return float(np.prod(ratios)) < BETTER and max(ratios, default=0.0) < WORSE

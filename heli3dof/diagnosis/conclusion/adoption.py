@@ -29,8 +29,8 @@ If no flights could be simulated, there are two further reasons (`conclusion.unk
 - It decreases the prediction error of no axis with a plausible inertia by more than the encoder's
   rounding. Backlash is exempt, because predictions hardly show it.
 
-If the cause is a part of the rigid body's equations, the first reason does not apply, and a
-decrease of any axis' error suffices.
+If the cause is a part of the rigid body's equations, the first of these two reasons does not apply.
+For the second one, a decrease of any axis' error then suffices.
 
 Causes are dropped one at a time: first those that coloured noise or an encoder error explains, then
 the one with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed again.
@@ -84,7 +84,7 @@ LARGE_GAIN = 12.0
 mean of exp Δℓ on held-out data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's
 inequality). If the variance of the scores is κ times that of an exact likelihood, this probability
 is at most 1 − Φ(√(2 · 12/κ)): 3·10⁻⁴ for κ = 2. A phase or instant that is estimated on the
-held-out data raises the mean by about √(2π) z, z the torque's size in standard deviations."""
+held-out data multiplies the mean by about √(2π) z, z the torque's size in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,8 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
     The error may be backlash or an encoder offset. Backlash must itself be the cause; an offset may
     also be confounded with the cause. An encoder's zero is uncertain by a count, because counts
-    start at power-up. The cause's size is that in ``fit``.
+    start at power-up. The size of the cause is that in ``fit``; the size of a confounded offset is
+    that in its own fit.
     """
     for c in choice.candidates:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
@@ -214,8 +215,9 @@ def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
 def is_significant_gain(g: Gain) -> bool:
     """Return whether the gain ``g`` suffices to adopt a cause, whatever the cause's score.
 
-    It suffices if the increase Δℓ in the log-likelihood of held-out data is significant, or if
-    Δℓ > `LARGE_GAIN` and the prediction error of an axis decreases significantly.
+    It suffices if it meets the module's condition 1 or 3. Δℓ, the increase in the log-likelihood of
+    held-out data, must be significant. Or Δℓ > `LARGE_GAIN`, and the prediction error of an axis
+    decreases significantly.
     """
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return gain_interval_positive(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)

@@ -14,8 +14,8 @@ The second summand is BIC for the causes' further parameters, the third the prio
 formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the controller is
 known, flights are also simulated, with the causes and with the formula. The flights with the
 formula must agree better with the recording (Cox's test, W > `TIE` in `search.rivals`). If the
-controller is unknown, a formula in place of a single cause must improve held-out predictions: on
-its axis, their error must decrease by more than the encoder's rounding
+controller is unknown, a formula in place of a single cause must improve held-out predictions. The
+RMSE on the formula's axis must decrease significantly, by more than the encoder's rounding
 (`conclusion.unknown_controller`).
 
 Causes that a formula replaces are removed. The others are fitted again, and adopted or dropped. The
@@ -207,9 +207,9 @@ def replaced_by_formula(
     """Compare each of the ``causes``, each pair and all together with a formula in their place.
 
     Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
-    None. If the controller is unknown, predictions of ``holdout`` (of blocks left out if it is
-    empty) confirm a formula in place of a single cause. A formula in place of several causes needs
-    no confirmation.
+    None. If the controller is unknown, held-out predictions must confirm a formula in place of a
+    single cause; a formula in place of several causes needs no confirmation. The held-out data are
+    ``holdout`` or, if it is empty, blocks left out of the fit.
     """
     if not causes:
         return None
@@ -276,7 +276,7 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:
-    """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
+    """Return ``fit`` extended by the torque c φ whose axis and product φ explain most."""
     x = evidence_without_nulls(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(x, int(i)) for i in axes}

@@ -6,8 +6,8 @@ another inertia.
 
 A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
 inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). θ_edge is the limit that the
-profile's tolerance sets for θ_j. If effect i alone explains why θ_j exceeds θ_edge, its size α (in
-units of the probe) and its statistic Z are at least
+profile's tolerance sets for θ_j. If effect i alone explains why θ_j is beyond θ_edge, its size α
+(in units of the probe) and its statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
@@ -43,9 +43,8 @@ The two flights differ only in products of rates and in higher-order terms of th
 
 Let x = ln(J/J_nominal) for a fitted inertia J, σ the standard deviation of x, ε the profile's
 tolerance and e = ln(1 + ε) + `SIGMAS_95` σ. δ is the roll offset found, or asin(τ/T_g) for a
-pendulum torque τ and the trim torque T_g. A finding is confounded with the scale error of an axis
-if k is within the bounds of the effect ``encoder.scale`` and meets the conditions in the row of the
-axis:
+pendulum torque τ and the trim torque T_g. A finding is confounded with the scale error k of an axis
+if k meets the conditions in the row of the axis, within the bounds of the effect ``encoder.scale``:
 
     yaw     ln k = −x_ψ
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
@@ -319,8 +318,8 @@ def _inertia_ties(
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
     """Return whether J/J_nominal of an inertia J is exp(``shift``), within tolerance and noise.
 
-    x: (ln(J/J_nominal), its standard deviation σ). The difference between ln(J/J_nominal) and
-    ``shift`` may be ln(1 + ``tolerance``) + `SIGMAS_95` σ.
+    ``x``: (ln(J/J_nominal), its standard deviation σ). The difference between ln(J/J_nominal) and
+    ``shift`` must be at most ln(1 + ``tolerance``) + `SIGMAS_95` σ.
     """
     value, std = x
     return abs(value - shift) <= math.log1p(tolerance) + SIGMAS_95 * std

@@ -9,10 +9,11 @@ The confidence in an unconfirmed finding is at most `MOST_CONFIDENCE`. Unconfirm
 
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
 
-2. `mass.change` in a fit to several recordings, or at a constant voltage. Such a fit has one
-   instant of change, counted from the first sample of each recording. That the mass changes at the
-   same instant in every recording is unlikely; a drift, such as warming motors, explains it better.
-   At a constant voltage, an added weight and a lower thrust have the same torque.
+2. `mass.change` in a fit to several recordings, or at a constant voltage. A fit to several
+   recordings has one instant of change, counted from each recording's first sample. That the mass
+   changes at the same instant in every recording is unlikely; a drift, such as warming motors,
+   explains it better. At a constant voltage, an added weight and a lower thrust have the same
+   torque.
 3. If the controller is unknown, a cause that single recordings do not confirm (see below). Without
    a controller no flights can be simulated, so no other test shows whether the cause is only a
    model error.
@@ -74,7 +75,7 @@ MOST_CONFIDENCE = 0.5
 MIN_CLEARANCE = 1.0
 """Least difference of the scores that separates two causes, in units of s. Chosen; not derived."""
 MIN_SCORE_SHARE = 0.5
-"""Share of the first cause's score below which a cause is not compared. Chosen."""
+"""Least score of a candidate to compare, relative to the chosen cause's score. Chosen."""
 
 
 def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Finding, ...]:
@@ -116,7 +117,10 @@ def constant_voltage(recording: Recording) -> tuple[int, int] | None:
 
 
 def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:
-    """Return whether the references (angles, if none) have a spectral line at the frequency."""
+    """Return whether the commanded motion has a spectral line at the frequency (rule 1).
+
+    The motion is given by the references or, if none were logged, by the angles.
+    """
     r = recording
     x = r.reference if np.isfinite(r.reference).any() else r.angle
     return any(line_share(r.t, x[:, i], frequency_Hz) >= LEAST_SHARE for i in range(x.shape[1]))

@@ -1,6 +1,6 @@
 """Extend the model by terms for residual torques that improve predictions of held-out data.
 
-For each torque, the proposals are a formula and a curve (`unmodelled.torque_formula`). Each is
+The proposals for a torque are at most a formula and a curve (`unmodelled.torque_formula`). Each is
 fitted in full and bias-corrected. The first one with a significant gain on held-out data
 (`adoption.is_significant_gain`) is adopted. If none has such a gain, the torque is dropped. If none
 can be fitted, the torque is reported, but the model has no term for it.
@@ -39,8 +39,9 @@ def with_torques(
 ) -> AdoptionResult:
     """Return ``result`` with a term in its fit for each torque that improves held-out predictions.
 
-    Other torques are dropped, each as the proposal with the largest log-likelihood gain. A torque
-    for which no term can be fitted is kept without one.
+    Other torques are dropped. ``dropped`` then lists, for each of them, the proposal with the
+    largest log-likelihood gain. A torque for which no proposal can be fitted is kept without a
+    term.
     """
     fit, after = result.fit, result.after
     kept = list[tuple[ResidualTorque, tuple[Proposal, Gain] | None]]()

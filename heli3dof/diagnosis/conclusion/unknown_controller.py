@@ -1,18 +1,24 @@
 """Confirm causes by predictions if the controller is unknown.
 
 The controller feeds the encoders' rounding back, which biases the likelihood. Flights simulated
-with the controller show this bias (`search.nulls`). Without the controller, a cause also needs
+with the controller show this bias (`search.nulls`). Without the controller, a cause must also meet
+this condition on at least one axis i:
 
-    ΔRMSE_i > Δ_i/√12,   and its interval above zero, on at least one axis i
+    ΔRMSE_i > Δ_i/√12,   and the 95 % interval of ΔRMSE_i lies above zero
 
-ΔRMSE (°) is the decrease of the error of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
+ΔRMSE_i (°) is the decrease of the RMSE of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
 encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal must meet
-the same condition. ΔRMSE is then the decrease by fitting it instead of keeping the profile's value.
+the same condition. ΔRMSE_i is then the decrease by fitting the parameter instead of keeping the
+profile's value.
 
 On an encoder limit cycle the bias may be so large that an axis' inertia is implausible
-(`closed_loop_fit.base_fit.with_plausible_inertias`). Then no finding on this axis is reported
-(`is_biased`), and a finding without an axis must decrease the error of another axis. The trim
-torque may decrease the error of any axis, because it follows from the mean voltage.
+(`closed_loop_fit.base_fit.with_plausible_inertias`). Then:
+
+- No finding that acts on this axis is reported (`is_biased`).
+- Other findings must meet the condition on an axis whose inertia is plausible.
+- The trim torque may meet it on any axis: the mean voltage determines the trim torque, whatever the
+  bias of an inertia. Parts of the rigid body's equations may meet it on any axis, too
+  (`conclusion.adoption`).
 """
 
 from __future__ import annotations
@@ -75,9 +81,9 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return the ``parameters`` off nominal whose fit improves predictions of held-out data.
+    """Return those ``parameters`` off nominal that meet the module's condition.
 
-    ``after``: results of the fit on held-out data.
+    ``after``: results of ``fit`` on held-out data.
     """
 
     def gained(p: OffNominal) -> Gain:

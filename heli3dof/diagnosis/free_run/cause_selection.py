@@ -8,8 +8,8 @@ no effect. The confidence level (two-sided) at which the parameter differs from 
 For a parameter that varies by recording, P follows from χ² of its values. A term is a cause if all
 of these hold:
 
-- A fit without the term predicts held-out blocks worse, or the term's prior already excludes that
-  the term has no effect (a term known beforehand, `free_run.elimination`).
+- A fit without the term predicts held-out blocks worse, or the term is known beforehand: its prior
+  already excludes that it has no effect (`free_run.elimination`).
 - P ≥ `LEVEL`, and the estimate is not mostly the prior: σ is clearly below the prior's standard
   deviation (`MultiStepFit.mostly_prior`).
 - The estimates from both halves of the data agree, and each is significant. A half is every other
@@ -31,9 +31,9 @@ are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in ha
                                                all u_h of one sign, none mostly the prior
     δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_99`
 
-q is the normal quantile of `LEVEL`. An estimate that is mostly the prior is not significant,
-because both fits share the prior, which makes their estimates equal. If the parameter varies by
-recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
+q is the one-sided normal quantile of `LEVEL`. An estimate that is mostly the prior is not
+significant: both fits share the prior, which makes their estimates equal. If the parameter varies
+by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
 """
 
 from __future__ import annotations

@@ -101,7 +101,10 @@ def can_be_fitted(recordings: Sequence[Recording]) -> bool:
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
-    """Return why the likelihood is unusable; empty if it is usable or a controller is known."""
+    """Return why the likelihood is unusable; empty if it may be used.
+
+    It may also be used if a recording's controller is known, or if each recording lacks an angle.
+    """
     whole = _all_angles(recordings)
     if not whole or any(r.profile.controller is not None for r in whole):
         return ""

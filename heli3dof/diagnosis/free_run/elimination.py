@@ -3,8 +3,9 @@
 The fit of the model with all terms minimises its free-run prediction errors
 (`heli3dof.identification.greybox.multistep`). Then each term is left out once, and the others are
 refitted. e[k, j, i] (rad) is the error of prediction k at horizon j on axis i. s is the RMS of e in
-the model with all terms, for each horizon and axis. ρ is the robust loss. In a cell c of `WINDOW_S`
-of held-out flight, the loss increases by
+the model with all terms, for each horizon and axis. ρ is the robust loss. Held-out flights are
+divided into cells of `WINDOW_S`. Over the predictions k that start in cell c, the mean loss
+increases by
 
     d_c = mean_{k∈c} Σ_i mean_j [ρ(e_without/s) − ρ(e_with/s)],       Δ = mean_c d_c
 
@@ -321,7 +322,10 @@ def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray
 
 
 def split_at_climb_end(data: Data, row: int) -> Data:
-    """Return data whose filter restarts at ``row``, so that the climb biases no estimate."""
+    """Return the data, with the block that contains ``row`` divided there.
+
+    The filter starts again in the second block, so the climb in the first one biases no estimate.
+    """
     blocks: list[tuple[int, int, int]] = []
     free: list[np.ndarray] = []
     for (lead, start, stop), axes in zip(data.blocks, data.free, strict=True):

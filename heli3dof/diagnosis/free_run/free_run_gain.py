@@ -1,12 +1,13 @@
 """Compare models by free-run predictions from estimated states, for logs without a likelihood.
 
-With e_k,i(h) the error (rad) of prediction k on axis i after h seconds,
+e_k,i(h) is the error (rad) of prediction k on axis i after h seconds. The predictions are on
+held-out recordings, or on each fold's test blocks by the model fitted to the other folds.
 
     RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
 
-on held-out recordings, or on each fold's test blocks by the model fitted to the other folds. A
-model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number of
-axes. The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windows overlap.
+A model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)², with both RMSE over 3 s, is below
+the number of axes. The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windows
+overlap.
 """
 
 from __future__ import annotations

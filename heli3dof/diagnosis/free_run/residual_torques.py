@@ -6,7 +6,7 @@ span and axis. τ̂ is a sum of `CURVE_KNOTS` hat functions of a variable's mean
 regression fits τ̂ to every other block of `WINDOW_S`; the others test it. Then the blocks change
 roles.
 
-    share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
+    share = 1 − Σ (τ − τ̂)² / Σ (τ − τ̄)²      over the test spans; τ̄: mean of the training spans
 
 The result of an axis is the variable with the largest share. This must be at least `LEAST`, and its
 bootstrap interval over blocks must lie above zero. ``also`` lists the variables with more than

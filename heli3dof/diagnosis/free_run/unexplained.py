@@ -1,19 +1,21 @@
 """Report what the fitted model explains, and what not: take-off, creep at a constant voltage.
 
 **Take-off.** The fit omits the take-off, in which the rotors' initial speed is unknown: it depends
-on earlier voltages. After `SPUN_UP_S` it no longer matters. The measured mean pitch acceleration p̈
-(rad/s²) from then to the end of the climb is compared with the model's on the same path. Both are
-computed in weak form. The take-off is reported if the two means differ by at least `SIGMAS_95`
-standard deviations of the model's mean (from the parameters' covariance). The report also compares
-the measured climb in roll with two simulations: rotors initially at rest, and at steady speed.
+on earlier voltages. From `SPUN_UP_S` after lift-off on, this speed no longer matters. The measured
+mean pitch acceleration p̈ (rad/s²) from then to the end of the climb is compared with the model's on
+the same path. Both are computed in weak form. The take-off is reported if the two means differ by
+at least `SIGMAS_95` standard deviations of the model's mean (from the parameters' covariance). The
+report also compares the measured climb in roll with two simulations: rotors initially at rest, and
+at steady speed.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
 is compared with the model's equilibrium, with the symbols below:
 
     L_a F(V) = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 
-Creep is equivalent to thrust that grows by this factor, or to the voltage increase that gives it on
-the thrust curve. `compare_runs` tests whether one such increase explains several runs.
+Creep is equivalent to thrust that grows by this factor, or to the voltage increase that causes this
+growth on the thrust curve. `compare_runs` tests whether one growth of thrust, or one voltage
+increase, explains several runs.
 
 **Known properties.** `explanation_sentences` states, with measured numbers, which properties of the
 rig the model explains. In steady level flight, both motors at voltage V give the thrust F (N,
@@ -62,7 +64,8 @@ SPUN_UP_S = 0.35
 LONGEST_S = 5.0
 """Take-off: s after lift-off, s of the longest climb. Chosen."""
 EARLY_S = (8.0, 18.0)
-"""s after the voltage step: interval that averages its oscillation. Chosen."""
+"""s after the voltage step: interval of the early mean, which averages the step's oscillation.
+Chosen."""
 LATE_S = 10.0
 LEAST_S = 30.0
 """s: averaging time at the end of a run, and least duration of a run. Chosen."""

@@ -156,7 +156,7 @@ def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -
     except RecordingError:
         return None
     z = np.concatenate([fit.theta, fit.theta[p.own]])
-    # Neighbouring windows overlap almost completely, so every other one contains as much.
+    # Neighbouring windows overlap almost completely, so every other window suffices.
     p = replace(p, flights=tuple(replace(f, starts=f.starts[::2]) for f in p.flights))
     v = least_squares_problem(p, fit.noise, STAGE_S, fit.scale)
     D = v.tangents(z, v.residuals(z))

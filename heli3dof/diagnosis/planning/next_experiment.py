@@ -8,8 +8,8 @@ each cause j. z_j is this score minus that on a flight simulated without these c
 
 For a single cause, margin = z². Plans are ranked by margin/duration. z² is twice the increase in
 log-likelihood by a cause. So for two simple hypotheses with the expected margin m, the margin of a
-real flight has the distribution N(m, 4 m). It exceeds `TIE` with the probability, averaged over the
-causes,
+real flight has the distribution N(m, 4 m). The certainty is the probability that this margin
+exceeds `TIE`, averaged over the causes i with the expected margins m_i:
 
     certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
 """

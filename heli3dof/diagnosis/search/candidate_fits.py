@@ -1,22 +1,23 @@
 """Refit the current model with one candidate added, for each candidate of a step.
 
-The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). With
-the nulls' variance inflation κ and N filter updates, the score of a term with m parameters is BIC's
+The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). Δℓ_c
+is its increase over the current fit, κ the nulls' variance inflation (`search.nulls`), and N the
+number of filter updates. A term with m parameters has the score of BIC:
 
     score = 2 Δℓ_c/κ − m ln N          m = 0 for a part of the rigid body's equations
 
-A screened term starts at its probe with the largest Z² (`search.screening`). If the fit is worse
-than the current one, it is repeated from a size near zero. A term that the score test cannot
-detect starts from its grid.
+The fit of a screened term starts at its probe with the largest Z² (`search.screening`). If ℓ_c does
+not exceed that of the current fit, the fit is repeated from a size near zero. The fit of a term
+that the score test cannot detect starts at the best value on its grid.
 
 A periodic torque may have another phase in each of R recordings. So the recordings are shifted in
 time until the torque has one phase in all (`search.scans`). The R − 1 shifts count as
-parameters. Nothing is shifted if the current fit already contains a parameter that differs by
-recording: the phase of a periodic torque or the instant of a mass change.
+parameters. Nothing is shifted if the current fit already contains the phase of a periodic torque or
+the instant of a mass change.
 
 **Grid trials.** The score of encoder backlash is zero at zero backlash, so the score test cannot
-detect it. Instead, the gain in log-likelihood ℓ is computed at a value w of the term's first
-parameter,
+detect it. Instead, the gain in log-likelihood ℓ is computed at values w of the term's first
+parameter:
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
@@ -24,9 +25,9 @@ parameter,
 Δℓ(w) rises; ŵ is the last value at which it rose. A term is fitted in full if both hold:
 
 1. Δℓ(ŵ) > `MIN_TRIAL_GAIN`.
-2. If the controller is known: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`, with the largest gain
-   Δℓ_null over flights simulated from the current fit. Without this condition, an axis with little
-   motion could have a large Δℓ by chance.
+2. If flights can be simulated: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`. The maximum is over
+   flights simulated from the current fit, whose gains are Δℓ_null. Without this condition, an axis
+   with little motion could have a large Δℓ by chance.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ from heli3dof.parallel import parallel_map
 SECOND_START = 0.1
 """Start of a second fit, as a share of the probe's value. Chosen; not derived."""
 MAX_SCORE_PER_Z2 = 30.0
-"""Largest expected score/Z²; over 1 because the base fit may take a cause for noise. Chosen."""
+"""Largest expected score/Z²; over 1 because the base fit may attribute a cause to noise. Chosen."""
 MIN_TRIAL_GAIN = 40.0
 """Least Δℓ for a full fit. Chosen: Δℓ is over 100 with backlash, below −100 without."""
 NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
-"""Most updates of the noise at one value; change of ln a that ends them. Chosen; not derived."""
+"""Most noise updates at one grid value; they end if ln a changes by less. Chosen; not derived."""
 NEIGHBOURS = 3
 """Values on either side of the best one that are evaluated in the second round. Chosen."""
 
@@ -69,6 +70,7 @@ class CandidateFit:
     score: float
     """2 Δℓ_c/κ − m ln N"""
     Z2: float
+    """Z² of the term's probe ``probe``; the score for a term without a score test"""
     probe: int | None
     """Index of the term's probe with the largest Z²; None for a term without a score test"""
 
@@ -88,8 +90,8 @@ def trials(
 ) -> list[GridTrial]:
     """Return the trials of the terms ``untested`` with Δℓ > `MIN_TRIAL_GAIN`.
 
-    Δℓ is the gain in log-likelihood over the base fit with parameters ``theta`` (n,). ``noise``
-    (4,): process noise of three axes, sampling jitter.
+    Δℓ is the gain in log-likelihood over the current fit, which has the parameters ``theta`` (n,).
+    ``noise`` (4,): process noise of three axes, sampling jitter.
     """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
@@ -114,9 +116,10 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the trial's Δℓ exceeds that in every simulated flight by `MIN_TRIAL_GAIN`.
+    """Return True if the trial's Δℓ exceeds that in every null by more than `MIN_TRIAL_GAIN`.
 
-    Δℓ is the gain in log-likelihood by the trial's term. ``nulls``: simulated without the term.
+    Δℓ is the gain in log-likelihood by the trial's term. ``nulls``: data of flights simulated
+    without the term.
     """
     ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 
@@ -147,8 +150,8 @@ def fit_candidates(
     """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
 
     ``ranked``: entries of `Screening.ranked`; ``tried``: terms that the score test cannot detect.
-    Fits that diverge or end at a bound are omitted. Ranked terms are not fitted if their Z² is too
-    small for their score to exceed those of ``tried``.
+    Fits that diverge or end at a bound are omitted. A ranked term is fitted only if
+    `MAX_SCORE_PER_Z2` times its Z² exceeds the best score of the tried terms.
     """
     if not ranked and not tried:
         return []
@@ -200,7 +203,7 @@ def fit_candidates(
         fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged)
         held = fit.at_bound.copy()
         held[: len(o.theta) + 1] = False
-        if fit.at_bound[len(o.theta)]:  # far from a solution, the others would mislead the size
+        if fit.at_bound[len(o.theta)]:  # its other parameters may have moved the size there
             held[len(o.theta) + 1 :] = True
         if held.any():
             # The recordings do not determine these parameters: hold them at their start.
@@ -235,8 +238,8 @@ def fit_candidates(
 def correction_starts(optimum: Optimum, current: CorrectedFit | None) -> list[Start]:
     """Return the starts of an optimum's bias correction: the optimum, and one near ``current``.
 
-    The second start has the parameters and noise of the fit ``current``. Terms that it lacks have
-    the sizes of the optimum. Without ``current`` there is no second start.
+    The second start has the parameters and noise of the fit ``current``. Parameters that
+    ``current`` lacks are those of the optimum. Without ``current`` there is no second start.
     """
     starts = [(optimum.theta, optimum.noise)]
     if current is not None:

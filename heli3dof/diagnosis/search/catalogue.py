@@ -35,12 +35,12 @@ class Probe:
 
     @property
     def grows(self) -> bool:
-        """Return True if the effect grows from zero with its first parameter; False for a limit."""
+        """Return True if the effect grows with its first parameter; False for a voltage limit."""
         return not self.term.effect.probe_quantiles
 
     @property
     def size(self) -> float:
-        """Return the first parameter minus its null value (no effect); −1 for a limit."""
+        """Return the first parameter minus its null value (no effect); −1 for a voltage limit."""
         return self.values[0] - self.term.effect.parameters[0].null if self.grows else -1.0
 
 

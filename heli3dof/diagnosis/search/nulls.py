@@ -1,30 +1,36 @@
 """Standardise the scores z of the score test by simulated nulls, and compute the threshold of Z².
 
+A *probe* is an effect with trial values of its parameters (`search.catalogue`). A *scan* tests a
+torque at all frequencies or instants, and its z is the largest (`search.scans`). There are P scores
+z: one for each probe and each scan.
+
 *Nulls* are B flights simulated from the fit, with the recordings' references and controller. Their
-scores contain the bias that encoder quantisation and feedback cause. For each probe
+scores contain the bias that encoder quantisation and feedback cause. Each score z is standardised:
 
     Z = (z − mean z_null) / std z_null
     std² = max(s, 1)² + (`DRIFT` · mean z_null)²
 
-- s² is the variance over the nulls, shrunk towards the median over all probes, which has the weight
-  of `COMMON` flights. s = 1 is the value for an exact likelihood.
-- The second summand allows for noise of the rig that is not white. It is omitted for scans, because
-  their z is a maximum.
+- s² is the weighted mean of two variances over the nulls: that of the score itself (weight B − 1)
+  and the median over all scores (weight `COMMON`). An exact likelihood has s = 1.
+- The second summand allows for noise of the rig that is not white, and so changes the mean of z. A
+  scan omits it: the mean of a largest z is positive even without bias.
 
 Without any effect, Z/√(1 + 1/B) has Student's t distribution with ν = B − 1 + `COMMON` degrees of
-freedom. The largest Z² of P probes exceeds Bonferroni's threshold
+freedom. t_ν(p) is the value that this t exceeds with probability p. Bonferroni's threshold is
 
-    Z*² = (1 + 1/B) t²_ν(FALSE_ALARMS / 2P)
+    Z*² = (1 + 1/B) t_ν(FALSE_ALARMS / 2P)²
 
-in at most a share FALSE_ALARMS of recordings. From `GUMBEL_FROM` flights on, the quantile of a
-Gumbel distribution of the nulls' own largest Z² is the threshold if it is higher.
+The largest of the P values Z² exceeds it in at most a share FALSE_ALARMS of recordings. With at
+least `GUMBEL_FROM` nulls, a Gumbel distribution is fitted to the largest Z² of each null. Its
+quantile for FALSE_ALARMS replaces Bonferroni's threshold if it is higher.
 
-If the controller is unknown, no null can be simulated. Then Z = z/√κ with the fit's variance
-inflation κ, and the threshold is twice Bonferroni's for a normal distribution.
+If the controller is unknown or flights simulated from the fit diverge, there are no nulls. Then
+Z = z/√κ with the fit's variance inflation κ, and the threshold is twice Bonferroni's for a normal
+distribution.
 
 **Gumbel distribution**, fitted to maxima by the method of moments:
 
-    P(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s_x/π,     μ = x̄ − γ β
+    Pr(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s_x/π,     μ = x̄ − γ β
 
 x̄ and s_x are mean and standard deviation of the maxima x, γ is Euler's constant. A share α of all
 maxima exceeds μ + k β with k = −ln(−ln(1 − α)).
@@ -52,20 +58,20 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 COMMON = 8
-"""Weight of the probes' common variance, in flights. Chosen; not derived."""
+"""Weight of the median variance over all scores, in flights. Chosen; not derived."""
 GUMBEL_FROM = 30
 """Fewest flights for a Gumbel fit. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nulls:
-    """Distribution of the scores of P probes without any effect, from B flights or by formula."""
+    """Distribution of the P scores without any effect, from B simulated flights or by formula."""
 
     mean: np.ndarray
     std: np.ndarray
     """(P,) each: mean and standard deviation of z over the nulls, by the module's equations"""
     inflation: float
-    """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
+    """κ ≥ 1: the median over all scores of their variance; an exact likelihood has 1"""
     threshold: float
     """Threshold of the largest Z²"""
     freedom: float
@@ -81,8 +87,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        Terms that are other forms of the rigid body's equations have a threshold of their own. It
-        has Bonferroni's correction for the number of such candidates of the base simulation.
+        Terms that are other forms of the rigid body's equations have a threshold of their own. Its
+        Bonferroni correction counts only such candidates of the base simulation.
         """
         from scipy.stats import t
 
@@ -133,9 +139,9 @@ def simulated_nulls(
 
 
 def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
-    """Return the distribution of the scores z (B, P) of P probes in B simulated flights.
+    """Return the distribution of the P scores, from their values z (B, P) in B simulated flights.
 
-    The first ``signed`` scores (default: all) are of single probes, the others maxima of scans.
+    The first ``signed`` scores (default: all) are those of probes, the others those of scans.
     """
     from scipy.stats import t
 

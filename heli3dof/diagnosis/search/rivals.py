@@ -2,18 +2,19 @@
 
 Encoders on a limit cycle make the score bias large, and its linear correction
 (`bias_correction.corrected_maximum`) too inaccurate to rank causes. This test needs no such
-correction. The causes to compare (rivals k) are fitted (`bias_correction.correction`). The
-recordings, and B flights simulated from each rival, give differences of log-likelihoods
-d_jk = ℓ_j − ℓ_k. Under rival k they have mean m_k and standard deviation s_k. With Student's
-density t of B − 1 degrees of freedom,
+correction. The causes to compare (rivals) are fitted (`bias_correction.correction`), and B flights
+are simulated from each. For the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their
+log-likelihoods for the recordings. In the flights simulated from k, this difference has the mean
+m_k and the standard deviation s_k. f_k is the density of the difference under rival k, t that of
+Student's distribution with B − 1 degrees of freedom. W_kj is twice the log odds of k against j:
 
-    f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
+    f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
 z̄ is the mean of a rival's score-test statistic z over the nulls, κ their variance inflation. If
-this bias is large for a rival (|z̄|/√κ > `SIGMAS_99`), the rival k with the largest min_j W_kj is
-the cause. Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most the
-`certainty` against the other rivals. If no bias is large, the BIC
-scores decide (`search.select`), and nothing is simulated.
+|z̄|/√κ > `SIGMAS_99` for any rival, the cause is the rival k with the largest min_{j≠k} W_kj.
+Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most its
+`select.certainty` against the remaining rivals. If no bias is that large, the BIC scores decide
+(`search.select`), and nothing is simulated.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 MIN_RELATIVE_Z2 = 0.3
-"""Least Z² of a rival, relative to the largest. Chosen; not derived."""
+"""Least Z² of a rival, relative to the largest Z² of the candidates. Chosen; not derived."""
 FLIGHTS, ROUNDS = 12, 6
 """B, flights simulated from each rival; rounds of its bias correction. Chosen; not derived."""
 MIN_STD = 1.0

@@ -30,9 +30,10 @@ from heli3dof.identification.bias_correction.perturbation import forward
 from heli3dof.model.effects import Term
 
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
-"""Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
+"""Limits of the scanned frequencies. The lowest is raised until the recordings contain two periods.
+Chosen; not derived."""
 SCAN_KNOTS = 9
-"""Number of frequencies at which v is computed; of instants, two more. Chosen; not derived."""
+"""v is computed at so many frequencies, and at two more instants. Chosen; not derived."""
 BIN_S = 0.02
 """Sampling period of λ for the Fourier transform. Chosen."""
 Information = tuple[np.ndarray, np.ndarray]

@@ -55,9 +55,9 @@ class ScreenResult:
 
 
 LEAST_INFORMATION = 1e-12
-"""Least δc W δc with which v is compared. A probe with v < `MIN_INFORMATION_SHARE` of it changes
-the readings by less than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no
-prediction depends."""
+"""A probe is tested if v > `MIN_INFORMATION_SHARE` · max(δc W δc, this constant). The constant
+excludes rounding errors: changes of the readings by less than 1e-9 of their noise. A wrong yaw zero
+causes only these, because no prediction depends on it."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
@@ -108,7 +108,7 @@ class Screen:
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
         """Return the scores of all probes and scans.
 
-        ``prior``: include the prior's score, for the recordings but not for nulls.
+        ``prior``: whether to include the prior's score; True for the recordings, False for nulls.
         """
         problem = self.problem
         g = evaluation.g

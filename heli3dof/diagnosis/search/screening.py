@@ -19,7 +19,8 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.model.effects import Term
 
 ONE_SIDED = 0.25
-"""One-sided: the range below the null value is a smaller share of that above. Chosen."""
+"""A parameter is one-sided if its range below the null value, divided by its range above it, is
+less than this. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Screening:
     """Scores of the recordings"""
     nulls: Nulls
     bias: np.ndarray
-    """(n,) mean scores of the nulls along θ"""
+    """(n,) mean of ∂ℓ/∂θ over the nulls; ℓ: log-likelihood, θ: parameters of ``fit``"""
 
     @cached_property
     def Z(self) -> np.ndarray:

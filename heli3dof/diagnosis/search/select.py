@@ -8,21 +8,21 @@ Two candidates are **confounded** if their scores differ by less than (`tie_marg
 
     max(`TIE`, `FORMULA_ERROR` · score) + 2 √score · `DRIFT` |z̄|/√κ · √(2 (1 − |ρ|))
 
-score is the better candidate's score. z̄ is the larger of the means of their probes' z over the
-nulls, κ the nulls' variance inflation. ρ is the correlation of the probes' traces, with the base
-parameters projected out. The last summand, for single probes only, is the error of the bias
-correction: z̄ was simulated without the cause. The rules (`best_choice`):
+score is the better candidate's score. |z̄| is the larger absolute mean of their probes' z over the
+nulls, κ the nulls' variance inflation. ρ is the correlation of the changes of predicted readings by
+the two probes, with the fit's parameters projected out. The last summand is the error of the bias
+correction: z̄ was simulated without the cause. It is omitted if a candidate has no probe, or was
+scanned. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
 2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.threshold_of`). In addition, it
    must be confounded with the best candidate, or its score must reach that threshold too.
 3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
    it: their scores may be bias.
-4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
-   least a share `MIN_SHARE` of the largest earlier score, or `SUFFICIENT` if that is less. An
-   inertia off nominal counts as an earlier cause: the position of the additional mass is unknown,
-   so its formula is inexact, too. Other forms of the body's equations (``formal`` effects) are
-   exempt.
+4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs a
+   score of at least min(`MIN_SHARE` · largest earlier score, `SUFFICIENT`). An inertia off nominal
+   counts as an earlier cause: the position of the additional mass is unknown, so its formula is
+   inexact, too. Other forms of the body's equations (``formal`` effects) are exempt from this rule.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ MAX_FITS = 10
 FORMULA_ERROR = 0.03
 """Relative error of a score caused by an inexact formula of an effect. Chosen; not derived."""
 MIN_SHARE = 0.1
-"""Least Z² for a full fit, and least score of a further cause, relative to the largest. Chosen."""
+"""Least Z² for a full fit, relative to the largest Z²; least score of a further cause, relative to
+the largest earlier score. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)

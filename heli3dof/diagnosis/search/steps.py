@@ -133,7 +133,11 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
-    """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
+    """Return the step after ``fit``: its scores and their nulls, no choice yet.
+
+    ``flights``: number of nulls to simulate. If simulated flights did not correct the bias of
+    ``fit``, a formula replaces the nulls.
+    """
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
     terms = candidates([t.name for t in problem.structure.terms], setup.explained_axes)
@@ -204,8 +208,8 @@ def bias_corrected(
         )  # fmt: skip
         if not fit.is_corrected or not scatters_on_limit_cycle(fit):
             return fit
-        # On axes with a limit cycle, the noise is held at that of a fit without the last cause,
-        # which may be too large.
+        # `fit` holds the noise of axes with a limit cycle at that of a fit without the last cause.
+        # That noise may be too large.
         again = fit_with_edge_rates(p, fit, setup.recordings, seed=setup.seed)
         return min(fit, again, key=lambda f: f.unexplained_scatter)
 
@@ -214,10 +218,10 @@ def bias_corrected(
 
 @lru_cache(maxsize=8)
 def without(fit: CorrectedFit, name: str) -> CorrectedFit:
-    """Return the fit without the term ``name``, refitted.
+    """Return the fit without the term ``name``, refitted with the bias correction of ``fit``.
 
-    If the refit is `out_of_range` of the bias correction of ``fit``, the refit has no correction:
-    its ``bias`` is zero.
+    If that refit is `out_of_range` of the correction, it is repeated without correction; its
+    ``bias`` is zero.
     """
     keep = np.array([f.term != name for f in fit.free])
     structure = Structure(
@@ -242,7 +246,10 @@ def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> Correcte
 
 
 def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
-    """Return the base simulation, refitted with the body's equations in the form of ``fit``."""
+    """Return the base simulation with the form of the body's equations in ``fit``, refitted.
+
+    It is ``base`` itself if ``fit`` contains no other form (``formal`` effects).
+    """
     if not fit.structure.formal:
         return base
     base_terms = {t.name for t in base.structure.terms}

@@ -43,16 +43,17 @@ UNITS = {
 SLOPE_S = 0.04  # interval of the difference quotient in `LinearisedRun.slope_of`, chosen
 TAIL = 0.005  # share of the samples beyond each outer knot, chosen
 MIN_RANGE = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "V/s": 2.0, "s": 2.0}
-"""Smallest range of a variable between the outer knots, by unit, in SI units. Chosen."""
+"""{display unit: least range of a variable between the outer knots, in SI units}. Chosen."""
 MIN_RANGE_PRODUCT = 1e-3  # the same for the products
 
 
 @dataclass(frozen=True, eq=False)
 class LinearisedRun:
-    """A flight's filter run with the model's derivatives along it; N rows, E updates."""
+    """A filter run over the N rows of ``data``, and the model's derivatives at its states."""
 
     data: Data
     at: FilterRun
+    """The filter's states, and its updates by encoder readings"""
     A: np.ndarray
     """(N, 3, 6) ∂q̈/∂(q, q̇)"""
     B: np.ndarray
@@ -263,7 +264,7 @@ class HatScores:
     V: np.ndarray
     """(groups, KNOTS, KNOTS) information within each group"""
     cross: np.ndarray
-    """(p, J) information between the p tangents and the functions"""
+    """(p, J) information shared by the fit's p parameters and the functions"""
     traces: np.ndarray
     """(wanted, E) changes δc of the predictions by the wanted functions"""
 

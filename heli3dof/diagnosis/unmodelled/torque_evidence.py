@@ -13,9 +13,9 @@ B flights of the fitted rig are simulated, without residual torque. Their scores
 the prior, so the mean score is the filter's bias ḡ (`bias_correction.correction`). If flights
 cannot be simulated, the scores are computed for half-second blocks of the recorded flight.
 
-**Similarity.** cos is the correlation of the changes of the readings by a torque and by a probe of
-a named cause, with θ projected out (`search.score_test`). If |cos| exceeds `LIKE`, the torque is
-reported as "…-like".
+**Similarity.** cos is the correlation of two changes of the predicted readings: by a torque, and by
+a probe of a candidate effect (`search.score_test`). θ is projected out of both. If |cos| exceeds
+`LIKE`, the torque is reported as "…-like", with the name of the effect.
 """
 
 from __future__ import annotations

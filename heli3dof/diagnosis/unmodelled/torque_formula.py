@@ -5,8 +5,9 @@ a fit. With the efficient score u of c and its information v (`search.score_test
 
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
-The same test of the piecewise linear torque Σ τ_k φ_k, of rank r, gives S_spline. The
-formula is as good as this curve if BIC does not justify the curve's further r − 1 parameters (N
+The curve is a piecewise linear torque Σ τ_k φ_k (`unmodelled.residual_torque`). The same test of
+its coefficients τ_k gives S_spline. r is the number of directions of (τ_k) with information. The
+formula is as good as the curve if BIC does not justify the curve's further r − 1 parameters (N
 filter updates):
 
     S_spline − S < κ (r − 1) ln N
@@ -15,11 +16,17 @@ Of products whose S is within `constants.TIE` κ of the largest, the one with fe
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
-torque (`significant_formula`). The torque c φ is subtracted, and the score of φ is summed over
-blocks of `greybox.estimate.BLOCK_S`. Var s is the long-run variance of these sums s (Newey and
-West), at least κ v. Then t² = u²/Var s is valid for coloured noise. The threshold of t² is twice
-the square of Student's two-sided quantile at `TORQUE_FALSE_ALARMS` divided by the number of
-formulas (Bonferroni). The factor 2 allows for the unknown bias of the filter's score.
+torque (`significant_formula`):
+
+    t² = u²/σ_u²,    threshold 2 q²
+
+- σ_u² is the variance of the score u, valid also for coloured noise. The effect of the torque c φ
+  is subtracted from the readings' scores. Then the score of c is summed over each block of
+  `greybox.estimate.BLOCK_S`. σ_u² is the long-run variance of the total of these sums (Newey and
+  West), but at least κ v.
+- q is Student's two-sided quantile for the false-alarm probability p = `TORQUE_FALSE_ALARMS`/m,
+  with the number m of formulas on all axes (Bonferroni).
+- The factor 2 allows for the unknown bias of the filter's score.
 """
 
 from __future__ import annotations
@@ -77,7 +84,7 @@ class Proposal:
     """The formula's product, or the variable of the curve"""
     is_formula: bool
     alternatives: tuple[str, ...] = ()
-    """Products that explain as much"""
+    """Other products that explain almost as much: their S is within `TIE` κ of the largest"""
 
 
 def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
@@ -165,7 +172,7 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return the changes (P, E) of the E innovations by each of P torques c φ on an axis.
+    """Return the changes (P, E) of the E predicted readings by each of P torques c φ on an axis.
 
     c is 1 in SI units. ``axis``: index of the axis; ``products``: formulas of the P products φ,
     such as ``roll_rate*sin(pitch)``.

@@ -1,8 +1,9 @@
 """Test each axis for a residual torque, which the fitted model lacks.
 
-It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z. φ_j are hat
-functions, τ_j coefficients in N·m (`unmodelled.residual_torque`). The `KNOTS` hat functions
-of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
+The torque is a free function f(z) = Σ_j τ_j φ_j(z). z is an angle, a rate, a voltage, a product of
+these, or the time. φ_j are hat functions, τ_j coefficients in N·m (`unmodelled.residual_torque`).
+The `KNOTS` hat functions of one variable on one axis are a group. Rao's score test evaluates each
+group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
 
@@ -18,7 +19,7 @@ which leaves r degrees of freedom.
 3. A group is accepted if its x exceeds the threshold, even with S/(κρ) in place of S/κ. ρ ≥ 1 is
    the ratio by which coloured noise increases S (`torque_evidence`). Its torque must also explain
    more than `MIN_SHARE` of the variance of the axis's residual torque. Of several such groups, that
-   with the largest x is taken.
+   with the largest x is taken. For this choice, `TIE` is added to the x of functions of time.
 4. The accepted torque is projected out, and the test is repeated.
 
 A torque that depends on time only is slow noise, such as a draught's: it is projected out like the
@@ -65,7 +66,8 @@ ALTERNATIVE_SHARE = 0.5
 MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 TORQUE_FALSE_ALARMS = 0.0005
-"""Probability of a false residual torque per recording, extrapolated from few nulls. Chosen low."""
+"""Probability of a false residual torque in a search. Chosen low; the threshold that it requires is
+extrapolated from few nulls."""
 THRESHOLD_SCALES = gumbel_factor(TORQUE_FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
 WINDOW_S = 0.1

@@ -1,8 +1,8 @@
 """Evaluate a fit on data that were not used to estimate it, except as in 3 to 5 below.
 
-Without hold-out recordings, this is cross-validation: each block b of the training recordings and
-`PURGE_S` on either side are left out. A Gauss-Newton step from the fit θ̂ gives the parameters
-θ_{−b} that the other rows determine:
+Without hold-out recordings, this is cross-validation: each block b of the training recordings is
+left out once, with `PURGE_S` on either side. A Gauss-Newton step from the fit θ̂ gives the
+parameters θ_{−b} that the other rows determine:
 
     θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 
@@ -11,7 +11,7 @@ Without hold-out recordings, this is cross-validation: each block b of the train
     ḡ                bias of the score (`bias_correction.correction`), or zero
     θ_0, Λ           mean and precision of the prior
 
-1. A step longer than `LONG_STEP` is only the start of a Gauss-Newton search.
+1. If the step is longer than `LONG_STEP`, up to `SEARCH_ROUNDS` further steps follow.
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
    of the remaining rows. Without this change of Λ, an inertia could diverge if the left-out block
    contains the only step.
@@ -56,7 +56,7 @@ from heli3dof.recording.recording import Recording
 BLOCKS = 5
 """Largest number of blocks. Chosen."""
 MIN_BLOCK_S = 3.0
-"""s; shortest mean length of a block, except that there are at least two. Chosen."""
+"""s; least length of a block. If two blocks are shorter, there are two all the same. Chosen."""
 PURGE_S = 0.5
 """s; rows on either side of a block that are left out with it. Chosen."""
 SEARCH_ROUNDS = 4

@@ -1,8 +1,9 @@
-"""Evaluate a model on recordings: parameters that differ between them, and prediction errors.
+"""Compute prediction errors of a model, and estimate parameters that differ between recordings.
 
     e_i = y_i[k + n] − ŷ_i[k + n]       rad, of axis i, n rows ahead
 
-The prediction ŷ starts from the filter's state at row k and uses the recorded voltages.
+y is the measured angle. Its prediction ŷ starts from the filter's state at row k and uses the
+recorded voltages.
 
 **Phases and instants.** A periodic torque has the same amplitude and frequency in every recording
 of a rig, but not the same phase φ. A mass is added at a different instant t_m in each. In

@@ -28,7 +28,8 @@ from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
-"""Step of a variance in units of the fastest time constant, and the most steps. Chosen."""
+"""Longest step of the covariance, in units of the fastest time constant, unless more than
+`MAX_STEPS` steps would be needed. Chosen."""
 
 
 def _predict_free_run(  # type: ignore[no-untyped-def]
