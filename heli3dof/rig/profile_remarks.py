@@ -28,7 +28,7 @@ FAR = 2.0
 MOST_OF_THE_AMPLIFIER = 0.6
 """|V_o| as a share of v_max above which too little is left for control"""
 INERTIA_RATIO = 1.5
-"""Largest ratio between a measured inertia and that of the masses, whichever is larger"""
+"""Largest permitted ratio, larger to smaller, of a measured inertia and that from the masses"""
 
 
 def mass_hover_voltage(profile: Profile) -> float:
