@@ -229,7 +229,7 @@ class Driver(Protocol):
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Return checks of a port, made without opening it: permission, process using it, latency."""
+        """Return checks made without opening the port: permission, process using it, latency."""
         ...
 
 
