@@ -9,9 +9,9 @@ The monitor ends the flight at once, without a ramp to zero, in two cases:
 
       v < min c − ¼ (V_h + |min c|)    or    v > max c + ¼ (V_h + |max c|)
 
-min c, max c: smallest and largest of the motor's last `SAMPLES` commands (V), one per sample; V_h:
-hover voltage (V), at least an eighth of v_max. An output that only follows the commands late, over
-a slow link, stays within the band.
+min c, max c: smallest and largest of the motor's last `SAMPLES` commands (V), one per sample; V_h =
+max(|V_o|, v_max/8), V_o: hover voltage (V). An output that only follows the commands late, over a
+slow link, stays within the band.
 
 The quarter covers a loaded supply and the error of a measured output. v is the amplifier's output:
 what a motor makes of it (lag, saturation, dead zone) does not count. v is not judged if it is not

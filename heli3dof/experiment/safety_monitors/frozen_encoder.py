@@ -12,8 +12,8 @@ the unmodelled acceleration that the observer estimates; f: dry friction; F: its
 below. The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is
 reported as frozen when the model has turned further than the clearance C.
 
-F starts at the largest dry friction of known rigs; C starts at 1.2°, more than their backlash. Both
-are then estimated from the axis's own motion:
+F starts at the largest dry friction of known rigs, C at 1.2°, which exceeds the backlash of known
+rigs. F and C are then estimated from the axis's own motion:
 
 * The unmodelled accelerations in upward and in downward motion differ by 2 F₀, whatever b is. F₀ is
   the axis's own friction. After half a second in each direction F = F_min + 3 |F₀|. The constant
@@ -34,9 +34,9 @@ under a thrust that lifts every known rig. For an axis that the motors push agai
 stop, the report names the stop, not the encoder. During the ramp to zero such an axis is not
 reported.
 
-There was no false alarm in 10 h (half in hover, half in plan `rich`) on emulated rigs whose
-parameters differ by up to 15 % from the profile. Detection times are in docs/results/benchmarks.md
-(`make bench TOPIC=watches`).
+There was no false alarm in 10 h of emulated flight, half in hover and half in plan `rich`. The
+rigs' parameters differed by up to 15 % from the profile. Detection times are in
+docs/results/benchmarks.md (`make bench TOPIC=watches`).
 """
 
 from __future__ import annotations

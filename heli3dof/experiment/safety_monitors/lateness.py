@@ -4,11 +4,11 @@ A sample is late if it came more than ``late_max_s`` after its deadline. The mon
 if more than the fraction ``late_max_share`` of the last second's samples is late. Periods that the
 host missed or the line lost just before a late sample count as late samples, too.
 
-A busy host delays some commands, a slow link or device delays all of them. So the report names the
-link or the device as the cause if the 10 % quantile of the last command-to-echo latencies exceeds
-`SLOW_PERIODS` control periods. The quantile is over the latencies of the last ``late_max_share`` ·
-1 s, because a link that becomes slow in flight ends the flight after this time. A latency counts
-once for its own period and once for each period skipped just before, so every period counts once.
+A busy host delays some commands, a slow link or device delays all of them. So the report blames the
+link or the device if the 10 % quantile of the command-to-echo latencies exceeds `SLOW_PERIODS`
+control periods. The quantile is over the last ``late_max_share`` · 1 s of latencies: a link that
+becomes slow ends the flight after this time. A latency counts once for its own period, and once for
+each period skipped just before.
 """
 
 from __future__ import annotations

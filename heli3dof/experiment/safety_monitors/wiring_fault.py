@@ -7,7 +7,7 @@ before control was lost (`WINDOWS_S`), the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
-θ₀, ω₀: initial angle and rate; s: scale factor of the model; b ~ N(0, B²): an unmodelled
+θ₀, ω₀: initial angle and rate; s: scale factor of α_H; b ~ N(0, B²): an unmodelled
 acceleration (friction, a wrong hover voltage). v is the mean squared residual plus q²/12, the
 variance of quantisation (q: rad per count); n is the number of independent residuals. A
 hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A
