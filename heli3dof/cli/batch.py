@@ -243,7 +243,7 @@ def _run(
 ) -> None:  # fmt: skip
     """Run the subcommand ``name`` on the recordings that ``words`` name, and print the results.
 
-    ``options``: sets of the subcommand's options; it runs on each recording once per set.
+    ``options``: sets of its options; the subcommand runs on each recording once per set.
     ``where``: condition on the recordings. The other arguments are the command line's options.
     """
     from heli3dof.batch.condition import checked

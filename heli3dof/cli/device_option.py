@@ -27,9 +27,9 @@ AnyDevice = Annotated[
 def device_or_default(out: Output, device: str | None) -> str:
     """Return ``device``; if it is None, the URL of the rig that is found.
 
-    That is the real rig if exactly one is found. If none is found, it is the emulated rig, and this
-    function prints a note. Raises UsageError if several real rigs are found, or if no driver can
-    open the URL.
+    The rig found is the real rig if there is exactly one. If there is none, it is the emulated rig,
+    and this function prints a note. Raises UsageError if several real rigs are found, or if
+    ``device`` has a wrong scheme or option.
     """
     from heli3dof.rig.drivers import MOCK, check_url, default_device
 

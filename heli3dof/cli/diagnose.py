@@ -131,10 +131,10 @@ def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return, for each recording, the exercise to which its rig belongs; None for other rigs.
+    """Return a list: for each recording the id of its rig's exercise, or None for another rig.
 
-    An exercise is a rig with hidden effects, for students. The result is None, not a list, if no
-    recording is of an exercise.
+    An exercise is a rig with hidden effects, for students. If no recording is of an exercise, the
+    function returns None instead of the list.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 

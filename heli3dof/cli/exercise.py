@@ -246,7 +246,7 @@ def _answer(row: dict[str, Any], seen: Counter[str]) -> str:
 
 
 def _same_name(name: str) -> str:
-    """Return what two spellings of a name have in common: all but case and space."""
+    """Return ``name`` in lower case with single spaces, to compare two spellings of a name."""
     return " ".join(name.split()).casefold()
 
 

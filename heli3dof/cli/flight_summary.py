@@ -30,7 +30,7 @@ def recording_document(recording: Recording) -> dict[str, Any]:
     """Return, by axis name, the reference (°) and metrics of one segment, for JSON.
 
     The segment is the first step of the axis's reference. For an axis without a step,
-    `heli3dof.comparison.metrics` defines it (*reported* segment).
+    it is the *reported* segment of `heli3dof.comparison.metrics`.
     """
     from heli3dof.comparison.metrics import flight_metrics
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class MonitorState:
-    """Collects a rig's readings: the last, rates (°/s), angle ranges (°), flags, largest delay."""
+    """Collects a rig's readings: last, rates (°/s), angle ranges (°), flags, largest lateness."""
 
     def __init__(self) -> None:
         self.readings = 0

@@ -242,7 +242,7 @@ def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
 
 
 def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
-    """Remove the controller from the profile ``data``; raise UsageError if ``given`` has one."""
+    """Remove the controller from profile ``data``; UsageError if ``--set`` (``given``) sets one."""
     if "controller" in given:
         raise UsageError(
             "--no-controller contradicts --set controller.…",

@@ -48,9 +48,9 @@ class Flight:
     def raise_if_cut_short(self) -> None:
         """Raise an exception if the flight did not complete its plan; else do nothing.
 
-        The exception is SafetyTrip after a safety trip, and KeyboardInterrupt after Ctrl-C.
-        Otherwise it is the DeviceError or Heli3dofError that ended the flight. A Heli3dofError may
-        have another exception as its cause. The recording is complete in any case.
+        The exception is SafetyTrip after a safety trip, and KeyboardInterrupt after a stop signal
+        such as Ctrl-C. Otherwise it is the DeviceError or Heli3dofError that ended the flight. A
+        Heli3dofError may have another exception as its cause. The recording is kept in any case.
         """
         self.raise_ending(self.outcome, self.path)
 

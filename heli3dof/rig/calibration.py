@@ -19,7 +19,7 @@ stored calibration, compared with the device           counts_at_rest
 none                                                   0: the device is assumed to have started
                                                        at rest
 unreadable, or other counts per revolution             0, with a note
-another boot number, or only one of the two is known   0, with a note
+boot numbers differ, or only one of them is known      0, with a note
 both start instants known, and too far apart           0, with a note
 no boot number, and a start instant unknown            as stored, with a note of the date
 any other                                              as stored
@@ -90,7 +90,7 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 def rest_counts_of(identity: Identity) -> RestCounts:
     """Return the encoder counts at the rest angles of the connected device ``identity``.
 
-    They are the stored counts, or 0 if none are stored or the device has restarted since.
+    They are the stored counts or 0; the table at the top of this module lists the cases.
     """
     try:
         stored = load_calibration(identity.serial)
@@ -128,10 +128,10 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
-    """Return False if the device has restarted since ``stored`` was measured, else True.
+    """Return True if the start instants of ``stored`` and of the device ``identity`` agree.
 
-    The function compares the start instants of ``stored`` and of the connected device ``identity``.
-    It returns None if an instant or the date of ``stored`` is missing.
+    They agree if they differ by at most the module's tolerance; if not, the device has restarted.
+    Returns None if a start instant is missing, or if the date of ``stored`` is unreadable.
     """
     if stored.started_s is None or identity.started_s is None:
         return None
@@ -148,7 +148,7 @@ def calibration_path(serial: str) -> Path:
 
 
 def load_calibration(serial: str) -> Calibration | None:
-    """Return the calibration stored for ``serial``, or None. Raises ValueError if unreadable."""
+    """Return the stored calibration of ``serial``; None: none stored. ValueError: unreadable."""
     try:
         path = calibration_path(serial)
     except OSError as problem:

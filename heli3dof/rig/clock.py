@@ -2,14 +2,14 @@
 
 Clock offset: a sample taken at device time d arrives at host time h = d + θ + w. θ is the offset
 between the clocks, w ≥ 0 the transport delay. The smallest h − d so far is the best estimate of θ.
-Clocks drift, so the estimate may rise again, by `DRIFT` at most:
+Clocks drift, so the estimate may rise again, at the rate `DRIFT` at most:
 
     θ[k] = min(h[k] − d[k],  θ[k−1] + DRIFT · (d[k] − d[k−1]))
     lateness[k] = h[k] − (d[k] + θ[k]) ≥ 0
 
 k numbers the samples; all times are in s. The estimate of θ includes the smallest transport
-delay; lateness is the delay beyond it. A delayed sample raises the estimate by the drift at most.
-So the estimate follows a device clock that is up to 100 ppm slow, and any clock that is fast.
+delay; lateness is the delay beyond it. A delayed sample raises the estimate at the rate `DRIFT` at
+most. So the estimate follows a device clock that is up to 100 ppm slow, and any clock that is fast.
 
 Sampling instants: a device takes the sample of instant i at this instant or, when it is busy, a
 little later. So the sample's time d on the device's clock determines i:
@@ -32,7 +32,7 @@ SPIN_S = 200e-6
 DRIFT = 100e-6
 """s per s: largest difference in rate between two crystal clocks"""
 BUSY = 0.9
-"""periods: a sample that is later than this after an instant belongs to the next one"""
+"""periods: a sample taken more than this after an instant belongs to the next instant"""
 CREEP = 1e-3
 """Largest excess of the device's period over dt, as a share of dt"""
 UPTIME_WRAP_S = 2**32 / 1000

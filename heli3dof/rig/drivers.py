@@ -115,10 +115,10 @@ DEVICE_VARIABLE = "HELI3DOF_DEVICE"
 
 
 def default_device() -> str:
-    """Return the URL in the environment variable `DEVICE_VARIABLE`; without it, of the rig found.
+    """Return the URL in the environment variable `DEVICE_VARIABLE`; if unset, search for a rig.
 
-    That is the real rig if exactly one is found, and `MOCK`, the emulated rig, if none is. Raises
-    UsageError if several real rigs are found.
+    The search returns the real rig's URL if exactly one is found, `MOCK` (the emulated rig) if none
+    is. Raises UsageError if several real rigs are found.
     """
     if url := os.environ.get(DEVICE_VARIABLE):
         return url

@@ -1,16 +1,15 @@
 """Checks the safety envelope in every control period.
 
-A flight ends (exit code 4, motors to zero volts) as soon as
+A flight ends (exit code 4, motors taken to zero volts) as soon as one of these is true:
 
-    roll ∉ [roll_min, roll_max],  |pitch| > pitch_max,  |yaw| > yaw_max,
-    |rate| > its limit,  a voltage is not a number or beyond v_max,
-    |V[k] − V[k−1]| / (t[k] − t[k−1]) > slew_max,  or  t > duration_max
+    roll ∉ [roll_min, roll_max],  |pitch| > pitch_max,  |yaw| > yaw_max,  |rate| > its limit,
+    the controller's output is not finite,  |V[k]| > v_max,
+    |V[k] − V[k−1]| / max(dt, t[k] − t[k−1]) > slew_max,  t[k] > duration_max
 
-with the numbers of the profile's ``[limits]``. The envelope never changes a command: the recorded
+V[k], t[k]: a motor's voltage (V) in control period k, and the period's time (s) since the flight's
+start; dt: the control period (s). v_max is the profile's ``motor.v_max``. The other limits are in
+its ``[limits]``, in the units of their keys. The envelope never changes a command: the recorded
 voltage follows the control law until the flight ends.
-
-The limits are in the units of their keys. V[k], t[k]: a motor's voltage (V) in control period k,
-and the period's time (s) since the flight's start.
 """
 
 from __future__ import annotations

@@ -17,8 +17,7 @@ virtual     each exchange advances a simulated clock by one period; no sample is
 ==========  =====================================================================================
 
 A driver package registers a `Driver` in the entry-point group ``heli3dof.drivers``, under the
-scheme of its URLs. For each optional ability of a driver or a rig there is a further protocol
-below.
+scheme of its URLs. Each optional ability of a driver or a rig has its own `Protocol` class below.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ class Sample:
     device_time_s: float
     """s on the device's clock."""
     counts: tuple[int, int, int]
-    """Roll, pitch, yaw encoder counts since power-up (zero at the rest angles)."""
+    """Roll, pitch, yaw encoder counts: zero at power-up; from `heli3dof.open_rig`: at rest."""
     v_applied: tuple[float, float]
     """V, front and back: the device's output just before it took the sample."""
     current: tuple[float, float]
@@ -230,7 +229,7 @@ class Driver(Protocol):
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Check an unopened port (permission, process using it, latency); return the results."""
+        """Return checks made without opening the port: permission, process using it, latency."""
         ...
 
 

@@ -14,8 +14,8 @@ L_a, L_w: yaw axis to body and to counterweight (m); L_h: pitch axis to motor (m
 volt (N/V); V_o: hover voltage (V); m_w, m_f, m_b: masses of counterweight, front and back motor
 (kg).
 
-Table I swaps the rows 14 and 15, L_w and L_a (erratum E1). V_o is calibrated; its sign cannot be
-derived from Table I's masses (E2). With three point masses, J_yaw is always J_roll + J_pitch.
+Table I swaps the rows 14 and 15, L_w and L_a (erratum E1). Table I's masses give V_o the wrong
+sign (E2), so V_o has its own key. With three point masses, J_yaw is always J_roll + J_pitch.
 Measured inertias need not satisfy this, so they have their own section ``[inertia]``.
 """
 
@@ -54,7 +54,7 @@ K_G: tuple[tuple[float, ...], ...] = (
 Units of the columns: V/rad (the first 3), V·s/rad (the next 3), V/(rad·s) (the last 2)."""
 
 g = 9.81
-"""m/s², the value with which Table I gives V_o = 7.456 V."""
+"""m/s², the value with which Table I gives |V_o| = 7.456 V."""
 
 RULE = "tape measure, between the axes"
 SCALE = "kitchen scale"

@@ -6,12 +6,15 @@ The balance of the level arm gives a hover voltage per motor, V_m, from the mass
     V_m = (L_a (m_f + m_b) − L_w m_w) g / (2 L_a K_f)        positive: body-heavy, rests body down
 
 V_m is inaccurate, because it follows from a small difference of two large torques. Let ε be the
-relative standard deviation of each torque (the profile's tolerance). With m_h = m_f + m_b, the
-standard deviation of V_m is ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f), often larger than V_m. So
-even the sign of V_m may be wrong, as with the paper's masses (erratum E2). V_m also omits the arm's
-own mass. So the hover voltage V_o is measured. Only a difference from V_m of more than `FAR`
-standard deviations is reported. The sign of V_o must be that of −(rest angle): an arm that
-rests body down needs thrust to rise.
+relative standard deviation of each torque (the profile's tolerance). V_m then has the standard
+deviation::
+
+    σ = ε √((L_a (m_f + m_b))² + (L_w m_w)²) g / (2 L_a K_f)
+
+σ is often larger than |V_m|. So even the sign of V_m may be wrong, as with the paper's masses
+(erratum E2). V_m also omits the arm's own mass. So the hover voltage V_o is measured. Only a
+difference from V_m of more than `FAR` standard deviations is reported. The sign of V_o must be that
+of −(rest angle): an arm that rests body down needs thrust to rise.
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ FAR = 2.0
 MOST_OF_THE_AMPLIFIER = 0.6
 """|V_o| as a share of v_max above which too little is left for control"""
 INERTIA_RATIO = 1.5
-"""Largest ratio between a measured inertia and that of the masses, whichever is larger"""
+"""Largest permitted ratio, larger to smaller, of a measured inertia and that from the masses"""
 
 
 def mass_hover_voltage(profile: Profile) -> float:

@@ -11,8 +11,8 @@ class Trip(str):
 
     ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
     trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`). ``still_s``: the
-    last seconds before the trip in which an encoder's count did not change in flight. Only the
-    motion before them is evidence.
+    time (s) just before the trip in which a frozen encoder's count did not change in the air; 0:
+    unknown. Only the motion before this time is evidence.
     """
 
     cause: str

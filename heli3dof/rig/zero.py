@@ -29,9 +29,9 @@ from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.session.open_exclusive import open_rig
 
 STILL_DEG = 0.2
-"""°: a rig that still swings moves by more"""
+"""°: largest range of an angle at rest; a rig that swings moves further"""
 STILL_COUNTS = 2
-"""counts: the reading of an encoder between two counts alternates by one"""
+"""counts: largest range at rest; the reading of an encoder between two counts alternates by one"""
 EVERY_S = 0.01
 """s between readings"""
 MEASURE_S = 1.0
@@ -50,7 +50,7 @@ class AtRest:
 
 
 def read_at_rest(rig: Rig, seconds: float) -> AtRest:
-    """Return encoder readings of a rig over ``seconds`` s. Raises SafetyTrip if it is armed."""
+    """Return encoder readings of a rig over ``seconds`` s. Raises SafetyTrip if armed."""
     rows = []
     until = time.monotonic() + seconds
     while True:
@@ -118,7 +118,7 @@ class ZeroResult:
     device: str
     calibration: Calibration
     shift_deg: tuple[float, float, float]
-    """Roll, pitch, yaw: change from the rest counts in use before, in degrees"""
+    """Roll, pitch, yaw in degrees: new minus previous rest counts, times the angle per count"""
     stored: Path | None
     """File of the calibration; None if not stored: ``store`` is False, or the rig is emulated"""
     emulated: bool
@@ -135,8 +135,8 @@ def zero(
 
     ``device``: the rig's URL; default, as on the command line: HELI3DOF_DEVICE, else the real rig
     if exactly one is found, the emulated rig if none is. ``angles_deg``: roll, pitch and yaw at
-    which the rig stands now, in degrees; None: the axis's rest angle. ``store``: False only
-    measures. Raises UsageError if several rigs are found, DeviceError, SafetyTrip for an armed rig,
+    which the rig stands now, in degrees; None: the axis's rest angle. ``store``: False stores
+    nothing. Raises UsageError if several rigs are found, DeviceError, SafetyTrip for an armed rig,
     and CheckFailed for a rig that moves.
     """
     device, profile = device or default_device(), profile or default_profile()

@@ -82,7 +82,8 @@ class RampDown:
     reason: str = ""
     """Why the ramp was not finished"""
     stopped: bool = False
-    """True if the device was stopped at once on request, or stopped on its own"""
+    """True if the loop stopped the device (on request, or because its output was not zero after the
+    ramp), or if the device stopped on its own"""
     tripped: str | None = None
     """First report of a safety monitor during the ramp"""
     requested: str | None = None
@@ -208,7 +209,7 @@ def ramp_to_zero(
 
 
 def _is_zero(sample: Sample, motor: Motor) -> bool:
-    """Return False if the device reports an output voltage; True also if it does not measure it."""
+    """Return False if the device reports an output above `ZERO` · V_h; True if it reports none."""
     volts = motor_voltage(sample, (0.0, 0.0))
     return max(map(abs, volts)) <= ZERO * motor.hover_V
 

@@ -123,7 +123,7 @@ class CountedDeadlines(DeviceDeadlines):
     """Deadlines for a rig whose link counts skipped samples by cause.
 
     The causes: the line lost the sample, the device took none, or the sample arrived too late.
-    `DeviceDeadlines` estimates how often each occurs; this class reads the link's counters.
+    `DeviceDeadlines` estimates the skipped periods; this class reads the link's counters.
     """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:

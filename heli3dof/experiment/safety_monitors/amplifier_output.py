@@ -4,11 +4,14 @@ The monitor ends the flight at once, without a ramp to zero, in two cases:
 
 - The flag ENABLED disappears, and no flag states a stop. A device that never set ENABLED is not
   judged.
-- A motor's output voltage v (``Sample.v_applied``, V) differs from the commands in more than
-  `SAMPLES` consecutive samples. c are the commands sent before the last `SAMPLES` samples, so
-  late samples and slow links are no difference. V_h is the hover voltage (V)::
+- A motor's output voltage v (``Sample.v_applied``, V) is outside the band of its last commands in
+  more than `SAMPLES` consecutive samples::
 
       v < min c − ¼ (V_h + |min c|)    or    v > max c + ¼ (V_h + |max c|)
+
+min c, max c: smallest and largest of the motor's last `SAMPLES` commands (V), one per sample; V_h =
+max(|V_o|, v_max/8), V_o: hover voltage (V). An output that only follows the commands late, over a
+slow link, stays within the band.
 
 The quarter covers a loaded supply and the error of a measured output. v is the amplifier's output:
 what a motor makes of it (lag, saturation, dead zone) does not count. v is not judged if it is not
@@ -46,7 +49,7 @@ class AmplifierOutput(SafetyMonitor):
         self._was_enabled = self._tripped = False
         self._sent: tuple[deque[float], deque[float]] = deque(maxlen=SAMPLES), deque(maxlen=SAMPLES)
         self._wrong = [0, 0]
-        """For each motor, the number of consecutive samples that differ from the commands"""
+        """For each motor, the number of consecutive samples whose output is outside the band"""
 
     def __call__(self, now: Period) -> str | None:
         report = self._disabled(now) or self._not_following(now)

@@ -22,7 +22,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 CLOCK_S = 0.25
-"""s for which a device's time may stay constant: many times the coarsest clock of a host, 16 ms"""
+"""s for which a device's time may stay constant: many ticks of the coarsest host clock (16 ms)"""
 COUNTER_BITS = (16, 24)
 """Widths of common counters; one of 32 bits does not wrap within a flight"""
 

@@ -12,18 +12,18 @@ the unmodelled acceleration that the observer estimates; f: dry friction; F: its
 below. The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is
 reported as frozen when the model has turned further than the clearance C.
 
-F starts at the largest dry friction of known rigs; C starts at 1.2°, more than their backlash. Both
-are then estimated from the axis's own motion:
+F starts at the largest dry friction of known rigs, C at 1.2°, which exceeds the backlash of known
+rigs. F and C are then estimated from the axis's own motion:
 
-* Between motion in one direction and in the other, the unmodelled acceleration differs by twice the
-  axis's own friction F₀, for any b. F = F_min + 3 |F₀| after half a second in each direction. The
-  constant F_min (`F_MIN`) covers errors of F₀.
+* The unmodelled accelerations in upward and in downward motion differ by 2 F₀, whatever b is. F₀ is
+  the axis's own friction. After half a second in each direction F = F_min + 3 |F₀|. The constant
+  F_min (`F_MIN`) covers errors of F₀.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   of α after which the axis turned back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved.
-  This deviation is forgotten within seconds.
-* s is the angle by which the model turns while the count stays constant before the axis turns back
-  (backlash, delay). C is at least twice the largest such s.
+  The stored deviation decays to 1/e in `PEAK_S` seconds.
+* Before the axis turns back, its count stays constant while the model turns by an angle s
+  (backlash, delay). C is at least twice the largest recent s, plus 3 counts.
 
 A flight may begin while the arm still falls after the last flight, at an unknown rate. The rate
 is also unknown after a gap of samples. No axis in the air is judged until the observer has found
@@ -34,9 +34,9 @@ under a thrust that lifts every known rig. For an axis that the motors push agai
 stop, the report names the stop, not the encoder. During the ramp to zero such an axis is not
 reported.
 
-There was no false alarm in 10 h (half in hover, half in plan `rich`) on rigs whose parameters
-differ by ±15 % from the profile. Detection times are in docs/results/benchmarks.md (`make bench
-TOPIC=watches`).
+There was no false alarm in 10 h of emulated flight, half in hover and half in plan `rich`. The
+rigs' parameters differed by up to 15 % from the profile. Detection times are in
+docs/results/benchmarks.md (`make bench TOPIC=watches`).
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 LIFTS = 3.2
-"""Sum of both motors' voltages, in hover voltages, that lifts a rig with 0.6 of nominal thrust"""
+"""Sum of both motors' voltages that lifts even a rig with 0.6 of the nominal thrust, over V_h"""
 ROLL_STOP = radians(30.0)
 """rad: roll beyond it may be at its mechanical stop (known rigs: +36°)"""
 AT_STOP_S = 0.5
@@ -74,14 +74,14 @@ SMALLEST = 3
 MOVING = 25
 """counts/s: three standard deviations of the observer's rate on an axis at rest"""
 RATE_ERROR = (7, 13, 7)
-"""counts/s (roll, pitch, yaw): two standard deviations of the observer's rate at the last change
-of a count"""
+"""counts/s (roll, pitch, yaw): two standard deviations of the error of the observer's rate at the
+last change of a count"""
 KNOWN_S = 0.5
 """s of motion in each direction after which F₀ is known"""
 BIAS_S = 2.0
 """s over which the unmodelled acceleration is averaged"""
 PEAK_S = 3.0
-"""s in which the largest unmodelled acceleration decays to 1/e: longer than a step lasts"""
+"""s in which the stored largest deviation from b decays to 1/e: longer than a step lasts"""
 SETTLING = 8.0
 """Ωt at which the observer has forgotten an error of its initial rate: three equal poles leave
 about (Ωt)² exp(−Ωt) of it, here 2 %. t is 0.53 s for the smallest Ω."""
@@ -90,7 +90,7 @@ LIVE_S = 0.3
 BLOCK_S = 0.05
 """s over which α is averaged before its range between two turns is taken"""
 MOST_FRICTION = (0.35, 1.0, 1.0)
-"""Largest friction of known rigs (roll, pitch, yaw) over `ExpectedAcceleration.typical`"""
+"""Largest friction of known rigs (roll, pitch, yaw) / `ExpectedAcceleration.typical`"""
 
 
 def frozen_trip(axis: int, what: str, *, by_motion: bool = False, still_s: float = 0.0) -> Trip:

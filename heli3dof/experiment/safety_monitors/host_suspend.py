@@ -21,7 +21,7 @@ SHORTEST_S = 0.1
 
 
 def ahead_s() -> float:
-    """Return CLOCK_BOOTTIME minus CLOCK_MONOTONIC in s."""
+    """Return CLOCK_BOOTTIME minus CLOCK_MONOTONIC in s; 0 on a system without CLOCK_BOOTTIME."""
     boottime = getattr(time, "CLOCK_BOOTTIME", None)
     if boottime is None:
         return 0.0

@@ -4,11 +4,11 @@ A sample is late if it came more than ``late_max_s`` after its deadline. The mon
 if more than the fraction ``late_max_share`` of the last second's samples is late. Periods that the
 host missed or the line lost just before a late sample count as late samples, too.
 
-A busy host delays some commands, a slow link or device delays all of them. So the report names the
-link or the device as the cause if the 10 % quantile of the last command-to-echo latencies exceeds
-`SLOW_PERIODS` control periods. It uses the last ``late_max_share`` · 1 s of latencies: a link that
-becomes slow in flight ends the flight after this time. So a latency counts once for its period, and
-once for each period skipped before.
+A busy host delays some commands, a slow link or device delays all of them. So the report blames the
+link or the device if the 10 % quantile of the command-to-echo latencies exceeds `SLOW_PERIODS`
+control periods. The quantile is over the last ``late_max_share`` · 1 s of latencies: a link that
+becomes slow ends the flight after this time. A latency counts once for its own period, and once for
+each period skipped just before.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from heli3dof.rig.trip import Trip
 WINDOW_S = 1.0
 """s of flight over which late periods are counted"""
 QUICKEST = 0.1
-"""Quantile of the command-to-echo latency by which the link is judged. A busy host is in time in a
-larger share of the periods; if not, the device's watchdog expires first"""
+"""Quantile of the command-to-echo latency by which the link is judged. A busy host is on time in
+more than this share of the periods; else the device's watchdog expires first"""
 SLOW_PERIODS = 1.5
 """Periods: half-way between a command echoed by the next sample (1) and by the one after (2)"""
 

@@ -6,8 +6,9 @@ The monitor ends the flight if one of these states lasts longer than ``lost_max_
 - Samples come, but echo no new command. If the device's time also stands still, the device repeats
   one sample.
 
-An echo of a command that this flight did not send ends it at once, because then no echo can be
-trusted. Until the first command arrives, the device may echo the last command of an earlier flight.
+An echo of a command that this flight never sent ends the flight without this delay, because then no
+echo can be trusted. Until the first command arrives, the device may echo the last command of an
+earlier flight.
 """
 
 from __future__ import annotations

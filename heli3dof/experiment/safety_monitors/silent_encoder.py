@@ -7,8 +7,8 @@ standstills lasts longer than T is about N exp(−λ T). This probability is bel
     T > L (1 + ln(1/ε) / ln N)
 
 Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder shows it.
-An axis that did not wander to and fro before is not reported, because dry friction may hold it.
+seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder shows
+this. An axis that did not wander before the ramp is not reported: dry friction may hold it.
 `FrozenEncoder` judges roll in the ramp, because the arm must fall.
 """
 

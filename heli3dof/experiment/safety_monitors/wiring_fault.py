@@ -7,7 +7,7 @@ before control was lost (`WINDOWS_S`), the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
-θ₀, ω₀: initial angle and rate; s: scale factor of the model; b ~ N(0, B²): an unmodelled
+θ₀, ω₀: initial angle and rate; s: scale factor of α_H; b ~ N(0, B²): an unmodelled
 acceleration (friction, a wrong hover voltage). v is the mean squared residual plus q²/12, the
 variance of quantisation (q: rad per count); n is the number of independent residuals. A
 hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A
@@ -15,9 +15,8 @@ fault is reported only if its score exceeds that of a rig without fault by `SURE
 fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
 of `WINDOWS_S`, up to 1.6 s.
 
-If an encoder's count did not change in the air, the windows end at its last change. A
-frozen encoder shows a wrong angle from then on, but no wrong sign. A wrong sign and wrong leads
-also show in the motion before.
+If an encoder froze in the air, the windows end at the last change of its count, because its later
+angles are wrong. A wrong sign or wrong leads also show in the motion before.
 
 One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
 have positive voltages, the roll encoder counts the wrong way.

@@ -20,6 +20,6 @@ from .rig_cases import CASES as _RIG_CASES
 from .safety_cases import CASES as _SAFETY_CASES
 
 CASES: tuple[Case, ...] = (*_DRIVER_CASES, *_RIG_CASES, *_SAFETY_CASES)
-"""Every case, in reading order"""
+"""Every case, in the order in which the cases run"""
 
 __all__ = ["CASES", "Bench", "Case", "Host", "NotConforming", "conforms"]

@@ -16,7 +16,7 @@ from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.url import parse_url
 
 PATIENCE = 20
-"""Control periods within which one command must arrive"""
+"""Number of times that a command is sent until a sample must have echoed it"""
 NEAR_V = 0.01
 """V by which an applied voltage may differ from the command"""
 

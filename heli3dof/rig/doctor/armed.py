@@ -61,7 +61,7 @@ def traffic(armed: Armed) -> Check:
     """Return a `Check` that at most the fraction `LOST_SHARE` of the samples is missing.
 
     The device's clock gives the number of samples that were due within `SECONDS` s. The check also
-    fails if the output is not zero volts.
+    fails if the last sample's output is not zero volts.
     """
     first = last = armed.arm()
     counts_before = _missing(armed.rig)
@@ -103,7 +103,7 @@ def _missing(rig: StoppableRig) -> dict[str, int]:
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Return a `Check` that the watchdog expires without commands and ignores later commands.
+    """Return a `Check` that without commands the device latches, and then ignores commands.
 
     The result is undecided (``good`` None) for a rig with a virtual clock.
     """

@@ -186,7 +186,7 @@ def rest_angles(opened: Opened) -> Check:
     The angles follow from the counts and the stored calibration. The check fails if an angle is
     outside the limits, which would end any flight in its first period. An angle more than
     `ONE_TURN` outside shows a faulty counter. The result is undecided (``good`` None) if the
-    calibration is doubtful, or if roll or pitch is more than 3° from its rest angle.
+    rest counts have a note (`RestCounts`), or if roll or pitch is over 3° from its rest angle.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts

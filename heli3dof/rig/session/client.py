@@ -119,7 +119,7 @@ class Request:
     def accepted(self) -> bool:
         """Return True if the session is alive: it accepted the connection or holds its lock.
 
-        The lock is checked only if the connection timed out, which does not show that the process
+        The lock is checked only after a timeout, because a timeout does not show that the process
         has ended. For a hanging process the system accepts only a limited number of connections,
         and Windows takes seconds to refuse a connection.
         """

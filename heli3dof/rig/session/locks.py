@@ -1,8 +1,8 @@
 """Locks a rig: its port before it is opened, and its device once its serial number is known.
 
     port     <runtime>/<device>.lock        a name made from the device's URL
-    device   <runtime>/<serial>-<hash>.rig  hash of the device's serial and boot number, so that
-                                            only one of its two ports (USB pipe, serial) is used
+    device   <runtime>/<serial>-<hash>.rig  hash of the device's serial and boot number: the same
+                                            for all of its ports (USB pipe, serial)
     holder   <lock>.json                    the process that holds the lock: a separate file, since
                                             on Windows no other process can read a locked file
 

@@ -49,7 +49,8 @@ def open_rig(
 
     ``exchange`` clips the voltages to the profile's ``motor.v_max``, and ``heli3dof estop`` and the
     device's watchdog stop the motors. No safety monitor runs: no limit of angle, rate or slew
-    applies, and the motors are not ramped down. `heli3dof.fly_plan` has both.
+    applies, and the motors are not ramped down. `heli3dof.fly_plan` has these monitors, limits and
+    ramp.
 
     ``device``: the rig's URL. ``doing``: what the session does, for messages; default: the command
     line. ``also`` returns entries to add to the state that other processes read. ``began_ns``:

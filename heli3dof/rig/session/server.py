@@ -1,4 +1,4 @@
-"""`Session`: locks the rig that a process uses, and lets others stop or observe it.
+"""`Session`: locks the rig that a process uses, and lets other processes stop or observe it.
 
     locks    the port's, and the device's once it is identified (`heli3dof.rig.session.locks`)
     socket   127.0.0.1, with a port and a key from the lock's holder file; one request per
@@ -103,7 +103,10 @@ class Session:
             lock.write_holder(self._about)
 
     def request_estop(self, reason: str) -> None:
-        """Request a stop from the thread that uses the rig; only the first ``reason`` is kept."""
+        """Set `stop_reason`, at which the thread that uses the rig stops it; keep the first reason.
+
+        An emulated rig that was never armed needs no stop: the stop is confirmed at once.
+        """
         with self._deciding:
             self.stop_reason = self.stop_reason or reason
             if self.private and not self._armed and self.stopped is None:

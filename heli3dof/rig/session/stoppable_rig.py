@@ -35,7 +35,7 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """A rig that its session can stop, with counts from the rest angles and limited voltages."""
+    """A rig that its session can stop. Counts are zero at the rest angles, voltages limited."""
 
     def __init__(
         self,
