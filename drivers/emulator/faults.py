@@ -31,7 +31,7 @@ TRIPS = {
 """Fault at which the amplifier stops → flag and cause in its samples from then on"""
 KINDS = {
     "overcurrent": ("overcurrent@3", "The amplifier stops: zero volts, flag `FAULT`."),
-    "overtemperature": ("overtemperature@3", "The same with another cause."),
+    "overtemperature": ("overtemperature@3", "As `overcurrent`, with the cause overtemperature."),
     "stall": ("stall@3", "A motor draws current and does not turn: zero volts, flag `STALL`."),
     "button": ("button@3", "The rig's button is pressed: zero volts, flag `ESTOP`."),
     "frozen": ("frozen.yaw@3", "An encoder's count no longer changes."),

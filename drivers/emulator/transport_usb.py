@@ -27,7 +27,10 @@ from .usb_function import CONFIGURATION, DEVICE, IN, OUT, UsbFunction
 
 KINDS = {
     "unplug": ("unplug@3:1", "The cable is unplugged for 1 s; without a duration: for good."),
-    "stall_in": ("stall_in@3", "The pipe to the host halts; with a duration: again when cleared."),
+    "stall_in": (
+        "stall_in@3",
+        "The pipe to the host halts; with a duration, again after each clearing.",
+    ),
     "stall_out": ("stall_out@3:1", "The same, for the pipe to the rig."),
     "silent": ("silent@3:0.1", "No transfer on the pipes completes for 0.1 s."),
     "refused": ("refused@0", "This user has no permission to open the rig."),

@@ -8,7 +8,7 @@ QUANTILE_975 = 1.96
 """97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 SIGMAS_95 = 2.0
 """Standard deviations of a significant difference: chance exceeds them in 5 % of cases."""
-SIGMAS_99 = 3.0
+SIGMAS_997 = 3.0
 """Standard deviations of a contradiction: chance exceeds them in 0.3 % of cases."""
 TIE = 6.0
 """Difference of scores (2 ln L) that chance may cause: odds of e³ = 20. Chosen; not derived."""

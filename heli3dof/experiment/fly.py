@@ -194,7 +194,7 @@ def _fly(
         signals,
         sink,
         stop=received.reason,
-        at_once=lambda: received.at_once() or monitors.at_once(),
+        stop_without_ramp=lambda: received.stop_without_ramp() or monitors.stop_without_ramp(),
         live=live,
         monitors=monitors.each_period,
         awaits_fall=monitors.awaits_fall,

@@ -2,8 +2,8 @@
 
 In level flight each motor carries half of the weight, so their mean voltages (S ± D)/2 are nearly
 equal. The mean of the difference D is then small against that of the sum S. If the |mean| of one
-column is below `OPPOSED` times that of the other one, the motion decides. The check reports sum and
-difference if all of these hold:
+column is below `MAX_MEAN_RATIO` times that of the other one, the motion decides. The check reports
+sum and difference if all of these hold:
 
 - The voltages (S + D)/2 and (S − D)/2 explain the motion better than the logged ones
   (`explains_better`).
@@ -27,10 +27,12 @@ from heli3dof.integrity.columns import swap_by_motion
 from heli3dof.integrity.directions import sign
 from heli3dof.integrity.remedies import voltage_remedy
 from heli3dof.integrity.view import View
-from heli3dof.integrity.voltage import OPPOSED, explains_better
+from heli3dof.integrity.voltage import explains_better
 
 LEAST_S = 2.0
 """s: shortest time in the air that gives a mean. Chosen."""
+MAX_MEAN_RATIO = 0.4
+"""Largest ratio of the difference's mean to the sum's. Chosen."""
 
 
 def sum_and_difference(view: View) -> Iterable[Fault]:
@@ -39,7 +41,7 @@ def sum_and_difference(view: View) -> Iterable[Fault]:
         return
     mean = r.voltage[rows].mean(axis=0)
     i = int(np.argmax(np.abs(mean)))
-    if abs(mean[1 - i]) >= OPPOSED * abs(mean[i]):
+    if abs(mean[1 - i]) >= MAX_MEAN_RATIO * abs(mean[i]):
         return
     S, D = r.voltage[:, i], r.voltage[:, 1 - i]
     motors = np.column_stack([S + D, S - D]) / 2

@@ -50,8 +50,7 @@ times their profile's"""
 SURE, EXPLAINED = 6.0, 0.5
 """Of a reliable response: least standard deviations from zero, least R²"""
 OPPOSED = 0.4
-"""Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong.
-For `sum_and_difference`, the largest mean of the difference, divided by that of the sum"""
+"""Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong"""
 CLIPPED = 0.02
 """Share of the flight at the limit above which a note reports it"""
 FLAT = 0.005

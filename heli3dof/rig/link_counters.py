@@ -2,7 +2,7 @@
 
 ``lost``                     samples that the device took and that never arrived
 ``device_skipped``           samples that the device never took because it was busy
-``samples_stale``            samples that arrived too late to be used
+``samples_stale``            samples that were outdated when the host read them
 ``commands_unacknowledged``  commands that the next sample did not echo
 ``malformed``                pieces received that were not a valid frame
 ``retries``                  requests sent again because no reply arrived

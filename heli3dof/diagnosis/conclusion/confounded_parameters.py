@@ -16,7 +16,7 @@ deviation of its score in simulated flights without the effect. Effect i is conf
 parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
-2. the measured Z_i lies within this range of Z, widened by `SIGMAS_99`.
+2. the measured Z_i lies within this range of Z, widened by `SIGMAS_997`.
 
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For K_f the same conditions
 apply with another range of α: the corrected parameters θ_j − α b_ji must give a K_f within the
@@ -71,7 +71,7 @@ from heli3dof.diagnosis.base_parameters import (
     base_parameters,
     off_nominal,
 )
-from heli3dof.diagnosis.constants import LARGE, SIGMAS_95, SIGMAS_99, TIE
+from heli3dof.diagnosis.constants import LARGE, SIGMAS_95, SIGMAS_997, TIE
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit, fit_candidates
 from heli3dof.diagnosis.search.screening import Screening, one_sided
@@ -187,7 +187,7 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
         most = np.clip(most, -largest / abs(p.size), largest / abs(p.size))
         z_per_unit = float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
         low, high = sorted((least * z_per_unit, most * z_per_unit))
-        return bool(low - SIGMAS_99 < float(Z[i]) < high + SIGMAS_99)
+        return bool(low - SIGMAS_997 < float(Z[i]) < high + SIGMAS_997)
 
     return tuple(dict.fromkeys(screen.plain[i].name for i, *a in ranges if is_plausible(i, *a)))
 

@@ -25,7 +25,7 @@ estimate θ_i ± σ_i in recording i and the null value θ_0 (no effect). The re
 cause if both hold:
 
     significant:   |Σ (θ_i − θ_0)/σ_i²| ≥ `SIGMAS_95` √(Σ 1/σ_i²)
-    of equal size: |θ_i − θ_j| ≤ `SIGMAS_99` √(σ_i² + σ_j²)     for all i, j
+    of equal size: |θ_i − θ_j| ≤ `SIGMAS_997` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, this test is skipped.
 A periodic torque and an added mass are neither fitted nor tested here: only a scan finds their
@@ -53,7 +53,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_95, SIGMAS_99
+from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_95, SIGMAS_997
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.select import Choice, with_ties
@@ -174,8 +174,8 @@ def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
 
 
 def are_of_equal_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    """Return whether estimates (value, σ) differ by at most `SIGMAS_99` σ of the difference."""
-    return abs(a[0] - b[0]) <= SIGMAS_99 * math.hypot(a[1], b[1])
+    """Return whether estimates (value, σ) differ by at most `SIGMAS_997` σ of the difference."""
+    return abs(a[0] - b[0]) <= SIGMAS_997 * math.hypot(a[1], b[1])
 
 
 def size(fit: Estimate, name: str) -> tuple[float, float]:

@@ -29,7 +29,7 @@ are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in ha
 
     u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ q,
                                                all u_h of one sign, none mostly the prior
-    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_99`
+    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_997`
 
 q is the one-sided normal quantile of `LEVEL`. An estimate that is mostly the prior is not
 significant: both fits share the prior, which makes their estimates equal. If the parameter varies

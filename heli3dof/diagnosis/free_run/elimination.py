@@ -15,9 +15,9 @@ Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
    first term that does not stay is removed:
 
    - Need: the `constants.LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
-   - Prior knowledge: the prior mean is more than `SIGMAS_99` prior deviations from the null value.
+   - Prior knowledge: the prior mean is more than `SIGMAS_997` prior deviations from the null value.
    - Training cost: the cost Q of the multi-step fit on the training blocks increases by
-     `SIGMAS_99`² or more without the term. Without such a term the model is wrong, and the tests
+     `SIGMAS_997`² or more without the term. Without such a term the model is wrong, and the tests
      of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
 3. `free_run.cause_selection` selects the causes among the terms that stay by need or prior
@@ -41,7 +41,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import QUANTILE_975, SIGMAS_99
+from heli3dof.diagnosis.constants import QUANTILE_975, SIGMAS_997
 from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
@@ -128,7 +128,7 @@ def eliminate(
             if (
                 not trial.increase.significant
                 and name not in known
-                and training_cost(current, trial) < SIGMAS_99**2
+                and training_cost(current, trial) < SIGMAS_997**2
             ):
                 out = name
                 break
@@ -193,7 +193,7 @@ def with_confounded_terms(
 
     The test puts the effect in the cause's place and refits. The effect can replace the cause if
     the held-out loss does not increase significantly. Without cross-validation, the cost Q must
-    increase by less than `SIGMAS_99`².
+    increase by less than `SIGMAS_997`².
     """
     fit = result.fit if result.last is None else result.last.fit
     progress("Testing the other effects of the catalogue …")
@@ -201,7 +201,7 @@ def with_confounded_terms(
 
     def replaces(other: str, name: str) -> bool:
         if result.last is None:
-            return refit(fit, name, other).cost - fit.cost < SIGMAS_99**2
+            return refit(fit, name, other).cost - fit.cost < SIGMAS_997**2
         return without_term(result.last, name, seed=seed, instead=other).increase.low <= 0
 
     out = []
@@ -213,13 +213,13 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms whose prior mean is more than `SIGMAS_99` prior σ away from no effect."""
+    """Return the terms whose prior mean is more than `SIGMAS_997` prior σ away from no effect."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
         if f.term is None or f.log or f.name in problem.varying:
             continue
-        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS_99 * sd[j]:
+        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS_997 * sd[j]:
             out.add(f.term)
     return out
 

@@ -186,7 +186,7 @@ def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
     root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(
         np.zeros(n), np.full(n, root), root**2, 2 * bonferroni(n), 1e6, 0,
-        "Bonferroni over the probes, doubled: the controller is unknown",
+        "Bonferroni over the scores, doubled: no flight could be simulated",
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ Student's distribution with B − 1 degrees of freedom. W_kj is twice the log od
     f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
 z̄ is the mean of a rival's score-test statistic z over the nulls, κ their variance inflation. If
-|z̄|/√κ > `SIGMAS_99` for any rival, the cause is the rival k with the largest min_{j≠k} W_kj.
+|z̄|/√κ > `SIGMAS_997` for any rival, the cause is the rival k with the largest min_{j≠k} W_kj.
 Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most its
 `select.certainty` against the remaining rivals. If no bias is that large, the BIC scores decide
 (`search.select`), and nothing is simulated.
@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_99, TIE
+from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_997, TIE
 from heli3dof.diagnosis.search.candidate_fits import (
     CandidateFit,
     bic_penalty,
@@ -62,7 +62,7 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     least = MIN_RELATIVE_Z2 * max(c.Z2 for c in [best, *others])
     close = sorted((c for c in others if least < c.Z2), key=lambda c: -c.Z2)
     compared = [best, *close[: MAX_COMPARED - 1]]
-    return compared if close and max(relative_bias(nulls, compared)) > SIGMAS_99 else []
+    return compared if close and max(relative_bias(nulls, compared)) > SIGMAS_997 else []
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:

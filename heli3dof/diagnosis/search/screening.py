@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import LARGE, SIGMAS_99
+from heli3dof.diagnosis.constants import LARGE, SIGMAS_997
 from heli3dof.diagnosis.search.catalogue import Probe
 from heli3dof.diagnosis.search.nulls import Nulls
 from heli3dof.diagnosis.search.score_test import Screen, ScreenResult
@@ -63,12 +63,12 @@ class Screening:
     def not_identifiable(self) -> tuple[str, ...]:
         """Return the terms that the recordings do not determine, the best determined first.
 
-        The standard deviation σ of their first parameter is so large that `SIGMAS_99` σ exceeds
+        The standard deviation σ of their first parameter is so large that `SIGMAS_997` σ exceeds
         `LARGE` typical sizes. Limits that the recordings do not reach are included.
         """
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
-            share = SIGMAS_99 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
+            share = SIGMAS_997 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
             if not p.grows:  # a limit is identifiable if the recordings reach it
                 share = 0.0 if np.isfinite(v) else np.inf
             best[p.name] = min(best.get(p.name, np.inf), share)

@@ -80,7 +80,7 @@ def fly(
     sink: RowSink,
     *,
     stop: Callable[[], str | None] = lambda: None,
-    at_once: Callable[[], str | None] = lambda: None,
+    stop_without_ramp: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
     monitors: Sequence[Monitor] = (),
     awaits_fall: Callable[[], bool] = lambda: False,
@@ -95,8 +95,8 @@ def fly(
         sink: receives a row for every control period.
         stop: returns why to end the flight, or None. Called in every period of the plan. If the
             plan was completed, called also in every period of the ramp to zero.
-        at_once: returns why to stop the device without the rest of the ramp to zero, or None.
-            Called in every period of the ramp.
+        stop_without_ramp: returns why to stop the device without the rest of the ramp to zero, or
+            None. Called in every period of the ramp.
         live: receives the progress.
         monitors: safety monitors; they judge the periods in which ``stop`` is called.
         awaits_fall: returns True if the arm must fall at zero volts, but the roll count does not
@@ -106,7 +106,7 @@ def fly(
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
     with _granted(rig.identity) as granted:
         end, sample = flight.fly_plan()
-        end, ramp = flight.ramp_down(end, sample, at_once, awaits_fall)
+        end, ramp = flight.ramp_down(end, sample, stop_without_ramp, awaits_fall)
         return flight.outcome(end, ramp, granted)
 
 
@@ -168,7 +168,7 @@ class _Flight:
         self,
         end: _End,
         sample: Sample | None,
-        at_once: Callable[[], str | None],
+        stop_without_ramp: Callable[[], str | None],
         awaits_fall: Callable[[], bool],
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
@@ -190,8 +190,8 @@ class _Flight:
             steps = self.steps(limits.landing_s)
         known = int(sample.flags) if sample is not None and end.ending == "tripped" else 0
         ramp = ramp_to_zero(
-            self.exchange, sample, steps, self.profile.motor, self.ramp_recorder(recorder), at_once,
-            known=known, supervision=supervision,
+            self.exchange, sample, steps, self.profile.motor, self.ramp_recorder(recorder),
+            stop_without_ramp, known=known, supervision=supervision,
         )  # fmt: skip
         if completed and recorder.failure is not None and not ramp.stopped and not ramp.tripped:
             return _End("error", recorder.problem or "", recorder.failure), ramp

@@ -139,7 +139,7 @@ def ramp_to_zero(
     steps: int,
     motor: Motor,
     record: Record,
-    at_once: Callable[[], str | None],
+    stop_without_ramp: Callable[[], str | None],
     *,
     known: int = 0,
     supervision: Supervision | None = None,
@@ -151,7 +151,7 @@ def ramp_to_zero(
         sample: the last sample; None if the device does not answer: it is then stopped at once.
         motor: the profile's motors; V_o and v_max decide where the ramp starts (`ramp_start`).
         record: records each period.
-        at_once: returns why to stop the device without the rest of the ramp, or None.
+        stop_without_ramp: returns why to stop the device without the rest of the ramp, or None.
         known: device flags that ended the flight; they are not reported again.
         supervision: may shorten or extend the ramp; None if the plan was not completed.
     """
@@ -177,7 +177,7 @@ def ramp_to_zero(
                 and supervision.awaits_fall()
             )
         ):
-            if (reason := at_once()) is not None:
+            if (reason := stop_without_ramp()) is not None:
                 exchange.stop(reason)
                 return RampDown(False, Trip.first(tripped, reason) or reason, stopped=True)
             if supervision is not None:

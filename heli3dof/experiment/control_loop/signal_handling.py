@@ -48,7 +48,7 @@ class StopSignals:
         """Return in words which signal ends the flight; None before the first stop signal."""
         return SIGNALS[self._received[0]][0] if self._received else None
 
-    def at_once(self) -> str | None:
+    def stop_without_ramp(self) -> str | None:
         """Return the `Trip` for an emergency stop; None before the second stop signal."""
         if len(self._received) < 2:
             return None

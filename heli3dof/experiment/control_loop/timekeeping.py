@@ -15,7 +15,7 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 
 * ``lost``: the device made a sample that never arrived
 * ``device_skipped``: the device was busy and made no sample
-* ``samples_stale``: the sample came too late to be used; its period counts as missed
+* ``samples_stale``: the sample was outdated when read; its period counts as missed
 
 Over any other link, the jump of the device's time gives the number of skipped periods. If the link
 counts lost samples, its count is the number of lost periods. If it does not, the skipped periods

@@ -1,8 +1,9 @@
 """Safety monitors: each judges every control period and reports why the flight must end now.
 
 Each monitor is a subclass of `SafetyMonitor` in a file of this package. A monitor's report is
-stored in the recording and ends the flight with a ramp to zero, or at once
-(`SafetyMonitor.at_once`). No monitor changes a command. Limits: the profile's ``[limits]``.
+stored in the recording and ends the flight, with a ramp to zero or without
+(`SafetyMonitor.stop_without_ramp`). No monitor changes a command. Limits: the profile's
+``[limits]``.
 
 `monitor_classes` returns the monitors in the order in which they judge a period;
 docs/reference/safety.md states how a flight ends after each report.
@@ -34,7 +35,7 @@ class SafetyMonitor(ABC):
     def __call__(self, now: Period) -> str | None:
         """Return why the flight must end in the control period ``now``; None if it may go on."""
 
-    def at_once(self) -> str | None:
+    def stop_without_ramp(self) -> str | None:
         """Return why the device must be stopped at once, without a ramp to zero, or None."""
         return None
 
@@ -48,7 +49,7 @@ class FlightMonitors:
     """The safety monitors of one flight, and the callbacks that they give the control loop."""
 
     each_period: tuple[Monitor, ...]
-    at_once: Callable[[], str | None]
+    stop_without_ramp: Callable[[], str | None]
     awaits_fall: Callable[[], bool]
 
 
@@ -72,6 +73,6 @@ def monitors_for(profile: Profile) -> FlightMonitors:
     monitors = tuple(kind(profile) for kind in monitor_classes())
     return FlightMonitors(
         monitors,
-        lambda: next(filter(None, (monitor.at_once() for monitor in monitors)), None),
+        lambda: next(filter(None, (monitor.stop_without_ramp() for monitor in monitors)), None),
         lambda: any(monitor.awaits_fall() for monitor in monitors),
     )

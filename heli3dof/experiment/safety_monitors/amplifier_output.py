@@ -56,7 +56,7 @@ class AmplifierOutput(SafetyMonitor):
         self._tripped = report is not None
         return report
 
-    def at_once(self) -> str | None:
+    def stop_without_ramp(self) -> str | None:
         return "stopped at once, since its output does not follow" if self._tripped else None
 
     def _disabled(self, now: Period) -> Trip | None:

@@ -51,5 +51,5 @@ class HostSuspend(SafetyMonitor):
             "systemd-inhibit --what=sleep:idle:handle-lid-switch heli3dof …",
         )
 
-    def at_once(self) -> str | None:
+    def stop_without_ramp(self) -> str | None:
         return "stopped at once, since the computer slept" if self.asleep_s() else None

@@ -38,7 +38,12 @@ def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[Scrip
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=100 * DT)
     with stop_signals() as received:
         outcome = fly(
-            rig, PROFILE, plan.render(DT, 0), sink, stop=received.reason, at_once=received.at_once
+            rig,
+            PROFILE,
+            plan.render(DT, 0),
+            sink,
+            stop=received.reason,
+            stop_without_ramp=received.stop_without_ramp,
         )
     return rig, outcome
 
@@ -86,7 +91,7 @@ def test_two_signals_between_two_periods_stop_without_a_ramp() -> None:
 def test_the_handlers_are_restored() -> None:
     before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     with stop_signals() as received:
-        assert (received.reason(), received.at_once()) == (None, None)
+        assert (received.reason(), received.stop_without_ramp()) == (None, None)
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
 
 

@@ -28,11 +28,11 @@ def commanded(k: int, volts: float, applied: float, **changed: object) -> Period
 def test_an_amplifier_that_is_disabled_in_flight_ends_it_at_once() -> None:
     monitor = AmplifierOutput(PROFILE)
     assert monitor(period(0)) is None
-    assert monitor.at_once() is None
+    assert monitor.stop_without_ramp() is None
     report = monitor(period(1, flags=OFF))
     assert isinstance(report, Trip)
     assert "does not report ENABLED any more" in report
-    assert "its output" in (monitor.at_once() or "")
+    assert "its output" in (monitor.stop_without_ramp() or "")
 
 
 @pytest.mark.parametrize("stop", [Flags.LATCHED, Flags.ESTOP, Flags.FAULT, Flags.STALL])

@@ -76,4 +76,4 @@ def test_a_new_file_is_a_new_monitor() -> None:
 def test_each_flight_gets_new_monitors() -> None:
     first, second = monitors_for(PROFILE), monitors_for(PROFILE)
     assert not set(map(id, first.each_period)) & set(map(id, second.each_period))
-    assert (first.at_once(), first.awaits_fall()) == (None, False)
+    assert (first.stop_without_ramp(), first.awaits_fall()) == (None, False)

@@ -13,10 +13,10 @@ def test_a_sleep_ends_the_flight_at_once(monkeypatch: pytest.MonkeyPatch) -> Non
     ahead = [1000.0]
     monkeypatch.setattr(host_suspend, "ahead_s", lambda: ahead[0])
     monitor = HostSuspend(PROFILE)
-    assert (monitor(period(0)), monitor.at_once()) == (None, None)
+    assert (monitor(period(0)), monitor.stop_without_ramp()) == (None, None)
     ahead[0] += 3.25
     assert monitor(period(1)) == "the computer slept for 3.2 s in mid-flight"
-    assert monitor.at_once() == "stopped at once, since the computer slept"
+    assert monitor.stop_without_ramp() == "stopped at once, since the computer slept"
 
 
 def test_a_computer_that_stays_awake_is_not_reported() -> None:
