@@ -10,7 +10,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -220,6 +220,33 @@ def replays_table(rig: str) -> str:
     return "\n".join(rows)
 
 
+CAUSES = "Causes, strongest first"
+GAIN = "Gain of the extended model: RMSE of 1 s predictions"
+CALIBRATION = "Calibration of the base simulation"
+OF_OTHER_PAGES = ("Kept in the model", "Not identifiable", "encoder.scale", "Next", "For the")
+"""Beginnings of sentences of `diagnose` that the case studies do not quote"""
+
+
+def diagnosis_section(rig: str, title: str) -> str:
+    """Returns the part of the stored output of `diagnose` below ``title``, up to the next title.
+
+    Sentences below `CALIBRATION` are not part of it: they are those of `diagnosis_sentences`.
+    """
+    text = _diagnosis(rig).split(f"**{title}**\n")[1].split("\n**")[0]
+    return text.partition("\n\n- ")[0].strip() if title == CALIBRATION else text.strip()
+
+
+def diagnosis_sentences(rig: str) -> str:
+    """Returns what the stored output of `diagnose` explains, and what it does not, as a list."""
+    text = _diagnosis(rig).split(f"**{CALIBRATION}**\n")[1]
+    sentences = (line for line in text.splitlines() if line.startswith("- "))
+    return "\n".join(s for s in sentences if not s[2:].startswith(OF_OTHER_PAGES))
+
+
+def _diagnosis(rig: str) -> str:
+    return (DATA / f"{rig}-diagnosis.txt").read_text(encoding="utf-8")
+
+
 def _csv(rows: list[list[Any]]) -> str:
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(rows)
@@ -240,17 +267,23 @@ def write(store: Store) -> None:
         study.rewrite()
 
 
+def _study(rig: str) -> dict[str, Callable[[], str]]:
+    return {
+        "errors": partial(errors_table, rig),
+        "causes": partial(diagnosis_section, rig, CAUSES),
+        "gain": partial(diagnosis_section, rig, GAIN),
+        "calibration": partial(diagnosis_section, rig, CALIBRATION),
+        "sentences": partial(diagnosis_sentences, rig),
+    }
+
+
 STUDIES = [
     Page(
-        "docs/results/rig-a.md",
-        {
-            "errors": partial(errors_table, "rig-a"),
-            "replays": partial(replays_table, "rig-a"),
-        },
+        "docs/results/rig-a.md", {**_study("rig-a"), "replays": partial(replays_table, "rig-a")}
     ),
-    Page("docs/results/rig-b.md", {"errors": partial(errors_table, "rig-b")}),
+    Page("docs/results/rig-b.md", _study("rig-b")),
 ]
-"""The case studies, whose tables of errors come from the figures of topic `real`"""
+"""The case studies: figures of topic `real`, and the output of `diagnose` that it stores"""
 
 if __name__ == "__main__":
     write(load())
