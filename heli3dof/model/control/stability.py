@@ -1,6 +1,6 @@
 """Check before a flight that the controller gain stabilises the chosen model of the rig.
 
-If it does not, the functions raise UnstableLoop (exit code 6).
+If the gain does not, the functions raise UnstableLoop (exit code 6).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import ControllerSpec, Profile
 
 MARGIN = 1e-4
-"""rad/s; a pole with real part above −`MARGIN` counts as unstable."""
+"""rad/s; a pole with real part ≥ −`MARGIN` counts as unstable."""
 
 
 def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:

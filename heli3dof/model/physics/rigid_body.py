@@ -35,9 +35,9 @@ With F = F_f + F_b, D = F_f − F_b (N)::
     Q_p = L_h D − G_p cos r cos p + effects
     Q_ψ = −L_a cos r sin p F + L_h sin r D + effects
 
-For small pitch and slow yaw these are the usual textbook equations, J_roll r̈ = L_a cos p F −
-T_g cos r and so on. The motors' mass difference acts through its weight only; its product of
-inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
+For small pitch and slow yaw these are the usual textbook equations, on roll for example
+J_r r̈ = L_a cos p F − T_g cos r. The motors' mass difference acts through its weight only; its
+product of inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
 
 From here on, J_p and J_ψ include δJ_p and δJ_ψ, and τ are the torques of effects.
 
