@@ -41,7 +41,7 @@ so that a rig with ten times the effect can still be identified."""
 class Formula:
     """A torque c · ``product`` of state variables, such as ``roll_rate*voltage_sum``, on an axis.
 
-    c is ``value`` ± ``std`` (0 if unknown) in SI units.
+    c is ``value`` ± ``std`` in SI units; ``std`` is 0 if it is unknown.
     """
 
     axis: str
