@@ -37,7 +37,7 @@ NEARER = 0.15
 """Largest relative decrease of a drawn size from `_SIZES` towards "no effect" (0; 1 for a ratio)"""
 SIGN, RATIO, ONE_WAY = "either sign", "or its inverse", "one sign"
 UNMODELLED = "unmodelled"
-"""Name in an answer of an effect outside the catalogue, before its axis: ``unmodelled.yaw``"""
+"""What an answer calls an effect outside the catalogue, with the axis: ``unmodelled.yaw``"""
 
 _SIZES: dict[str, tuple[float, float, str]] = {
     "friction.coulomb.roll": (0.04, 0.1, ONE_WAY),

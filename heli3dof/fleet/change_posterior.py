@@ -56,8 +56,9 @@ SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
 Places = Mapping[str, tuple[tuple[int, ...], ...]]
 UNLIKE = 0.01
-"""Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below that
-of a step: otherwise, with few flights, every step would be explained by a large scatter."""
+"""Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below 1/40,
+the probability of a step in any quantity of a rig. Otherwise, with few flights, a large scatter
+would explain every step."""
 LEAST_SIDE = 2
 """Fewest flights on each side of a step: one alone is a deviating flight (a definition)"""
 MOST_BOUNDARIES = 30

@@ -31,7 +31,7 @@ class LoopTask:
     angle0: FloatArray
     """(3,) rad, the angles at the start, where the rig is at rest."""
     controller: ControllerSpec | LinearController
-    """The profile's, or one identified from a log."""
+    """The profile's controller, or a linear one identified from a log."""
     V_o: float
     """V, the hover voltage that the controller adds; the profile's, not the model's."""
     v_max: float
