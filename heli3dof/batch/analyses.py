@@ -46,9 +46,9 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the job's recording and its `file_info`.
+        """Return the job's recording and what `heli3dof info` states about it, as a dict.
 
-        Of an incomplete file, this is the intact part of the recording.
+        Of an incomplete file, the recording is the intact part.
         """
         return read_with_info(self.file, self.profile)
 
@@ -185,8 +185,9 @@ def _identify(job: Job) -> Document:
 
     ``faults`` names the integrity checks that found bad data: ``fleet`` leaves out such recordings.
     ``absent`` names the parameters at the bound that means "no effect".
-    ``nominal_hover_voltage_V`` is the hover voltage in the profile, ``hover_voltage_V`` the
-    model's (``value`` and ``std``; null for a black box, or if no voltage holds the arm level).
+    ``nominal_hover_voltage_V`` is the hover voltage in the profile. ``hover_voltage_V`` is the
+    model's, with ``value`` and ``std``. It is null for a black box, or if no voltage holds the arm
+    level.
     """
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model

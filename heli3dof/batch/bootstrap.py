@@ -1,7 +1,7 @@
 """Block bootstrap of one recording: replicates, and how often their diagnoses name each cause.
 
-A recording of length T is cut into ⌊T/L⌋ blocks of length L = `BLOCK_S`. A replicate consists of as
-many blocks, drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). The
+A recording of length T is cut into ⌊T/L⌋ blocks of length L = `BLOCK_S`. A replicate consists of
+⌊T/L⌋ blocks, drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). The
 samples within a block are unchanged, so the correlation of the noise over times shorter than L is
 preserved. A pause of `PAUSE_S` without samples separates the blocks, so the estimation uses a
 separate initial state for each.
@@ -20,8 +20,9 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.recording import Recording
 
 BLOCK_S = 5.0
-"""Length of a block in s: more than three times the rise time of a step, so that a block contains a
-whole response. The default controller's rise time is 0.7 to 1.4 s (``heli3dof info``). Chosen."""
+"""Length of a block in s: more than three times the rise time of a reference step, so that a block
+contains a whole response. The default controller's rise time is 0.7 to 1.4 s (``heli3dof info``).
+Chosen."""
 PAUSE_S = 1.0
 """Pause in s between two blocks: longer than the gaps that an estimation bridges. Chosen."""
 LEAST_BLOCKS = 6

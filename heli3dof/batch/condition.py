@@ -1,9 +1,9 @@
 """The condition of ``--where``, as in ``rig="K1" and plan="rich" and duration_s>30``.
 
 The condition may contain the names in `recording_columns.COLUMNS` (the results table's first
-columns), numbers, texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses.
-simpleeval evaluates the condition, restricted to these elements. If a recording has no value in a
-column, every comparison with this column is false, except ``!=``.
+columns), numbers and texts in quotes. Operators are ``= != < <= > >= in``, ``and``, ``or``, ``not``
+and parentheses. simpleeval evaluates the condition, restricted to these elements. If a recording
+has no value in a column, every comparison with this column is false, except ``!=``.
 """
 
 from __future__ import annotations

@@ -114,8 +114,8 @@ class OutputFolder:
 def journal_lines(folder: Path) -> Iterator[Line]:
     """Yield the complete lines of a batch's journal as dicts with four keys.
 
-    ``key`` is the task's key, ``final`` is false if a retry may succeed, ``row`` is the row of the
-    table, and ``cost`` holds the seconds and bytes that the task needed.
+    ``key`` is the task's key, and ``row`` its row of the table. ``final`` is false if a retry may
+    succeed. ``cost`` holds the seconds and bytes that the task needed.
     """
     path = folder / JOURNAL
     if not path.exists():

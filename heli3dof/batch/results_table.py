@@ -21,14 +21,14 @@ TEXTS = (
     "recording", "name", "rig", "serial", "started_utc", "plan", "outcome", "error", "faults",
     "digest",
 )  # fmt: skip
-"""Columns that are text even where it looks like a number, such as the rig name 7"""
+"""Columns whose values stay text even if they look like numbers, such as the rig name 7"""
 Row = Mapping[str, Any]
 
 
 def write_table(rows: Sequence[Row], folder: Path) -> list[Path]:
     """Write the rows to ``folder`` as CSV and, with pyarrow, as Parquet; return the paths.
 
-    An earlier table is replaced. Raises NoSpace or UsageError if that is not possible.
+    An earlier table is replaced. Raises NoSpace or UsageError if the table cannot be written.
     """
     columns = typed(rows)
     written = [write_file(folder / CSV, csv_bytes(columns), force=True)]

@@ -1,8 +1,10 @@
 """`Task`: one run of a verb (subcommand) on one recording. `Outcome`: its result.
 
-Both are sent between processes. The key of a task is a hash of all that its result depends on: the
-verb, its options, the profile, the recording's content and name, and the version of heli3dof with a
-hash of its code.
+Both are sent between processes. The key of a task is a hash of all that its result depends on:
+
+- the verb and its options
+- the profile, and the recording's content and name
+- the version of heli3dof, with a hash of its code
 """
 
 from __future__ import annotations

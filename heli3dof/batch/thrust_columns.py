@@ -1,9 +1,9 @@
 """Columns of the table that combine parameters of a grey-box model.
 
 - ``thrust_gain_ratio``: g, the ratio of the rig's thrust gain to the profile's value K_f. The
-  identification keeps K_f fixed, so on a rig with the thrust gain g·K_f it finds the inertias J/g
-  instead of J. ln g is the generalised least-squares mean of ln(J_nominal/Ĵ) over the three axes,
-  with the covariance of the estimated inertias Ĵ.
+  identification keeps K_f fixed. So on a rig with the thrust gain g·K_f, its estimates of the
+  inertias J are J/g. ln g is the generalised least-squares mean of ln(J_nominal/Ĵ) over the three
+  axes, with the covariance of the estimated inertias Ĵ.
 - ``hover_voltage_V``: the voltage per motor at level hover, of the model with its effects.
 """
 
@@ -29,7 +29,8 @@ def thrust_columns(
 
     ``parameters``: name → estimate of the model's parameters; ``correlation``: their correlation
     matrix; ``hover``: ``value`` and ``std`` (V) of the hover voltage, or None. The thrust gain is
-    left out if an inertia or the correlation matrix is missing.
+    left out if an inertia or the correlation matrix is missing, the hover voltage if ``hover`` is
+    None.
     """
     voltage = {} if hover is None else {
         "hover_voltage_V": hover["value"], "hover_voltage_V_std": hover["std"],

@@ -1,7 +1,7 @@
 """Check an effect that a user wrote: units, equations, and the names that it refers to.
 
-`heli3dof.model.effects.equation_check` runs the equations, as also when a plug-in is loaded. Here,
-a torque must also not be zero at all states with parameters of typical size.
+`heli3dof.model.effects.equation_check` runs the equations, here and when a plug-in is loaded. Only
+here, a torque with parameters of typical size must differ from zero in at least one state.
 """
 
 from __future__ import annotations

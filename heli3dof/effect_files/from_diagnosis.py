@@ -1,7 +1,7 @@
 """Write the formula of an unmodelled torque as an effect: a small package, ready for pip install.
 
 The source is the JSON document of a diagnosis (``leftover``) or an extended model
-(`heli3dof.model.effects.empirical`). A model's coefficients are in units of its profile's thrust
+(`heli3dof.model.effects.empirical`). A model's coefficients are relative to its profile's thrust
 gain; `ThrustScale` converts them to SI, as in the diagnosis. The package contains the effect with
 its equation, units and bounds, a test, and the entry point that registers it.
 """
@@ -41,7 +41,7 @@ so that a rig with ten times the effect can still be identified."""
 class Formula:
     """A torque c · ``product`` of state variables, such as ``roll_rate*voltage_sum``, on an axis.
 
-    c is ``value`` ± ``std`` (0 if unknown) in SI units.
+    c is ``value`` ± ``std`` in SI units; ``std`` is 0 if it is unknown.
     """
 
     axis: str

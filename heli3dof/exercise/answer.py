@@ -117,7 +117,7 @@ def make_answer(
     own: Sequence[Claim] = (),
     diagnoses: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Answer:
-    """Return a student's answer with the claims ``own``, or if there are none, of ``diagnoses``.
+    """Return a student's answer with the claims ``own``; if there are none, those of ``diagnoses``.
 
     ``name`` is the student's name. ``diagnoses``: file name → content of ``diagnose --json``. Of
     several claims for the same effect, the first is kept. The claim `NONE` (no hidden effect) is
@@ -210,8 +210,8 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
     NAME is an effect, VALUE the value of its first parameter, VALUE ± HALF the 95 % interval.
     ``confidence`` has one value for each text, one value for all, or none. Raises UsageError for an
-    unknown name, a text of another form, a wrong number of confidences, or contradictory texts: two
-    of the same name, or `NONE` with others.
+    unknown name, a text of another form or a wrong number of confidences. It also raises UsageError
+    for contradictory texts: two of the same name, or `NONE` with others.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(

@@ -5,9 +5,11 @@ default profile. A medium effect is noticeable, a large one spoils a demonstrati
 flight stays inside the safety envelope. The drawn size is up to 15 % weaker than the size in the
 table, so that the table does not reveal it.
 
-Not in the table are effects that no flight can identify (`encoder.offset`, `encoder.scale`),
-effects that depend on the flown plan (`mass.change`, `motor.saturation`), and those that the time
-stamps reveal (`timing`).
+Not in the table are:
+
+- effects that no flight can identify (`encoder.offset`, `encoder.scale`)
+- effects that depend on the flown plan (`mass.change`, `motor.saturation`)
+- effects that the time stamps reveal (`timing`)
 """
 
 from __future__ import annotations
@@ -28,13 +30,14 @@ LEVELS = {
     5: "a rig as in 4 with two effects, one, none, or one outside the catalogue",
 }
 SPREAD = 0.07
-"""Largest relative difference of the rig's parameters from the profile, at levels 4 and 5. Two of
-them add up to less than the profile's tolerance of 15 %, beyond which they would be causes."""
+"""Largest relative difference of the rig's parameters from the profile, at levels 4 and 5. Two
+such differences add up to less than the profile's tolerance of 15 %. A difference above this
+tolerance would be a cause."""
 NEARER = 0.15
 """Largest relative decrease of a drawn size from `_SIZES` towards "no effect" (0; 1 for a ratio)"""
 SIGN, RATIO, ONE_WAY = "either sign", "or its inverse", "one sign"
 UNMODELLED = "unmodelled"
-"""Name in an answer of an effect outside the catalogue, before its axis: ``unmodelled.yaw``"""
+"""What an answer calls an effect outside the catalogue, with the axis: ``unmodelled.yaw``"""
 
 _SIZES: dict[str, tuple[float, float, str]] = {
     "friction.coulomb.roll": (0.04, 0.1, ONE_WAY),
@@ -83,7 +86,7 @@ _OUTSIDE: dict[str, tuple[str, float, float]] = {
 _SECOND = {"disturbance.periodic": (0.2, 3.0), "aero.ground_effect": (0.07, 0.15)}
 """Effect → range of its second value, drawn log-uniformly: the frequency in Hz, the height in m"""
 _CALIBRATION = {"mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw"}
-"""Effects that levels 4 and 5 do not hide, as they already change these numbers of the profile"""
+"""Effects that are not hidden at levels 4 and 5, where the spread changes the same numbers"""
 _ALONE = "motor.thrust_gain"
 """Effect that is hidden only in levels 1 and 2, without a second one, as it scales every torque"""
 

@@ -2,8 +2,9 @@
 
 Names, sizes and stated confidence are marked. The mark of the confidence is the Brier score, the
 sum of (c − o)² over all claimed effects and all causes. c is the stated confidence: 1 if none is
-stated, 0 for a cause that is not claimed. o is 1 for a cause and 0 for any other effect. The score
-is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
+stated, 0 for a cause that is not claimed. o is 1 for a cause and 0 for any other effect. For the
+claim `NONE`, o is 1 if nothing is hidden. The score is proper: in expectation, stating the true
+probabilities gives the lowest sum. 0 is best.
 """
 
 from __future__ import annotations

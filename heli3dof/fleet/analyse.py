@@ -28,7 +28,7 @@ def analyse(rows: Sequence[Row]) -> Fleet:
     """Return the estimates, the changes and the differing rigs for each quantity in ``rows``.
 
     `heli3dof.fleet.tracks.read_rows` reads the ``rows`` from a batch's results table. Raises
-    RecordingError if none can be used.
+    RecordingError if no row has a usable estimate.
     """
     bad = bad_recordings(rows)
     names = quantities_of(rows)
@@ -65,7 +65,8 @@ def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) ->
 
     ``track``: values of the quantity; ``siblings``: the same quantity's values of the other rigs;
     ``quantities``: number of quantities in the table. The estimate uses the flights of one plan
-    since the last step: those of ``plan``, or without any, those of the most frequent plan.
+    since the last step: those of ``plan``. If there are none, it uses those of the plan that is
+    most frequent among the flights since the last step.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

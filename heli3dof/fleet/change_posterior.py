@@ -11,11 +11,12 @@ one regressor x to a constant::
     deviating flight j       xᵢ = 1 for i = j, else 0
 
 p(i) is the plan of flight i. Each plan has its own level m, because the estimate also depends on
-the plan: on the same rig, small and large steps give different values. φ is the standard deviation
-of a typical flight (s̃: median of s). The fraction a of φ² is due to scatter between flights. A step
-needs two flights on each side, because one flight alone is a deviating flight. Two steps need a
-model of their own: if the second one reverses or repeats the first, the model of one step fits
-badly. To save time, the flights j and k of two steps are on a grid of at most `MOST_BOUNDARIES`.
+the plan: on the same rig, small and large reference steps give different values. φ is the standard
+deviation of a typical flight (s̃: median of s). The fraction a of φ² is due to scatter between
+flights. A step needs two flights on each side, because one flight alone is a deviating flight. Two
+steps need a model of their own: if the second one reverses or repeats the first, the model of one
+step fits badly. To save time, the flights j and k of two steps are on a grid of at most
+`MOST_BOUNDARIES`.
 
 Priors: m has a flat prior. a is on the grid `SHARES`, dense near 0, and g on the grid `SIZES`: 1,
 2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d; the sibling rigs give d and φ₀
@@ -55,8 +56,9 @@ SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
 Places = Mapping[str, tuple[tuple[int, ...], ...]]
 UNLIKE = 0.01
-"""Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below that
-of a step: otherwise, with few flights, every step would be explained by a large scatter."""
+"""Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below 1/40,
+the probability of a step in any quantity of a rig. Otherwise, with few flights, a large scatter
+would explain every step."""
 LEAST_SIDE = 2
 """Fewest flights on each side of a step: one alone is a deviating flight (a definition)"""
 MOST_BOUNDARIES = 30

@@ -38,8 +38,8 @@ REPORTED = 0.95
 """Least probability of a reported change: at most one report in 20 is false (a convention)"""
 CHANGES_PER_RIG_SEMESTER = Prior(step=1 / 40, two_steps=1 / 40, drift=1 / 20, deviating=1 / 20)
 """Expected changes of a rig in a semester, in all its quantities. Chosen: a room of twenty rigs
-has one step, one drift and one deviating flight a semester. Half of the steps come in pairs (a
-repair)."""
+has one step, one drift and one deviating flight a semester. Half of the steps come in pairs: a
+fault and its repair."""
 LEAST_FLIGHTS = 8
 """Flights that a search needs: the least number for which the calibration is tested"""
 DATES = 0.95
@@ -53,7 +53,7 @@ HAMPEL_SIGMAS = 5.0
 """Standard deviations from the running median above which the Hampel filter proposes a flight as
 deviating. Chosen; the posterior decides."""
 REFINEMENTS = 5
-"""Largest number of passes over all steps, per step. Chosen: the second changes few dates."""
+"""Largest number of passes over all steps, per step. Chosen: the second pass changes few dates."""
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations"""
 
@@ -69,7 +69,7 @@ class Change:
     last: int
     """Step: last flight before it. Drift: its last flight. Deviating: the flight"""
     probability: float
-    """Probability of any change in these flights"""
+    """Probability of any change in the flights among which this change was found"""
     kinds: Mapping[str, float]
     """Probability of each kind; they sum to ``probability``"""
     dates: Mapping[int, float]

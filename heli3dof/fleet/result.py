@@ -76,7 +76,7 @@ class Fleet(Result):
 
     recordings: int
     plan: str
-    """Plan of most recordings; empty if most state none"""
+    """Most frequent plan of the usable recordings; empty if more of them state none"""
     quantities: tuple[FleetQuantity, ...]
     bad: tuple[BadRecording, ...]
 
@@ -108,9 +108,10 @@ class Fleet(Result):
     def change_groups(self) -> list[ChangeGroup]:
         """Return the changes in the order of `changes`; a thrust gain's changes are one group.
 
-        A flight determines torques and inertias only relative to the thrust gain, so a thrust gain
-        of g times its value divides them by g. A change belongs to that of the thrust gain if rig,
-        kind and flight are the same, and the factors agree within their 95 % intervals.
+        A flight determines torques and inertias only relative to the thrust gain. So if the thrust
+        gain changes by the factor g, their estimates change by 1/g. A change of another quantity
+        belongs to a change of the thrust gain if rig, kind and flight are the same. In addition,
+        its factor must be 1/g within the 95 % intervals.
         """
         found = self.changes()
         gains = [tc for tc in found if tc[0].quantity == THRUST_GAIN]

@@ -12,10 +12,10 @@ the mean E and the variance V of ln q_r are::
 
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
-For φ₀² and d, E is replaced by the median over the siblings, and √V by 1.4826 times the median
-absolute deviation. So rigs that changed have little influence (Smyth, Stat. Appl. Genet. Mol.
-Biol. 3, 2004, uses mean and variance). d is at least 1, and at most the sum of f_r, the degrees of
-freedom of φ₀² itself.
+To solve for φ₀² and d, E is replaced by the median of ln q_r over the siblings, and √V by 1.4826
+times the median absolute deviation. So rigs that changed have little influence (Smyth, Stat. Appl.
+Genet. Mol. Biol. 3, 2004, uses mean and variance). d is at least 1, and at most the sum of f_r, the
+degrees of freedom of φ₀² itself.
 """
 
 from __future__ import annotations

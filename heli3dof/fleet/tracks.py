@@ -1,10 +1,14 @@
 """Tracks: the values of one quantity of one rig in its flights, in order of time.
 
 A quantity is a column NAME of the batch's results table that has a column ``NAME_std``, or one of
-`WITHOUT_STD`. Tracks leave out a recording for one of three reasons: its command failed
-(``exit_code``), an integrity check found bad data (``faults``), or an earlier recording has the
-same samples (``digest``). A track also omits flights without a finite value. Unless the quantity is
-in `WITHOUT_STD`, it omits flights without a standard deviation > 0.
+`WITHOUT_STD`. Tracks leave out a recording for one of three reasons:
+
+- its command failed (``exit_code``)
+- an integrity check found bad data (``faults``)
+- an earlier recording has the same samples (``digest``)
+
+A track also omits flights without a finite value. Unless the quantity is in `WITHOUT_STD`, it omits
+flights without a standard deviation > 0.
 """
 
 from __future__ import annotations
@@ -49,7 +53,7 @@ class Track:
     rig: str
     quantity: str
     t: FloatArray
-    """(n,) days since 1970-01-01 UTC; if a start is unknown, the flights' numbers 0, 1, 2, …"""
+    """(n,) days since 1970-01-01 UTC; the flights' numbers 0, 1, 2, … if ``dated`` is False"""
     y: FloatArray
     """(n,) values in the quantity's unit"""
     s: FloatArray | None
@@ -59,7 +63,7 @@ class Track:
     flights: tuple[str, ...]
     """Names of the recordings"""
     dated: bool
-    """True if the starts of all of the rig's flights are known"""
+    """False if the start of any of the rig's flights is unknown, or if all starts are equal"""
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
@@ -87,7 +91,10 @@ def usable_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def main_plan(rows: Sequence[Row]) -> str:
-    """Return the most frequent plan of the usable rows; empty if most rows have no plan."""
+    """Return the most frequent plan of the usable rows.
+
+    Rows without a plan count as one plan, with an empty name.
+    """
     plans = Counter(map(_plan, sorted(usable_rows(rows), key=_plan)))
     return plans.most_common(1)[0][0] if plans else ""
 
@@ -144,8 +151,8 @@ def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ..
 def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
     """Return the rows in order of time, and their starts in days since 1970-01-01 UTC.
 
-    If the start of a row is missing, or if all rows have the same start, the rows are in the order
-    of their names, and the starts are None.
+    If the start of a row is missing, or all rows have the same start, the rows are in the order of
+    their names. The starts are then None.
     """
     named = sorted(rows, key=_name)
     starts = {id(row): _start(row.get("started_utc")) for row in named}

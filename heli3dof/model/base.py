@@ -31,7 +31,7 @@ class LoopTask:
     angle0: FloatArray
     """(3,) rad, the angles at the start, where the rig is at rest."""
     controller: ControllerSpec | LinearController
-    """The profile's, or one identified from a log."""
+    """The profile's controller, or a linear one identified from a log."""
     V_o: float
     """V, the hover voltage that the controller adds; the profile's, not the model's."""
     v_max: float
@@ -43,8 +43,8 @@ class LoopTask:
     opened: FloatArray | None = None
     """(N, 3), each axis' mode: 0 CLOSED, 1 LEARN, 2 OPEN (`loop_opening`); None: all closed."""
     limits: Limits = field(default_factory=Limits)
-    """The safety envelope. Near its limits open loops are closed; exceeding them does not end the
-    simulation."""
+    """The safety envelope. The simulation closes open loops near its limits (`loop_opening`), and
+    continues beyond them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 ``numba.njit(cache=True)`` keeps machine code in ``__pycache__``, or in the user's cache folder if
 ``__pycache__`` is read-only. So only the first run after an installation compiles, for some
-seconds. Numba checks the file of the compiled function only. After a change in a function that the
-compiled one calls, numba would therefore run old code. `compiled` prevents this by adding a digest
-of the called functions to numba's cache key.
+seconds. Numba checks only the file that contains the compiled function. After a change of a called
+function in another file, numba would therefore run old code. `compiled` prevents this by adding a
+digest of the called functions to numba's cache key.
 """
 
 from __future__ import annotations

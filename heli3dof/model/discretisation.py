@@ -5,9 +5,9 @@ Zero-order hold with the sample interval dt (s)::
     [A_d B_d]        ( [A B]    )
     [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh` inverts it)
 
-The inverse needs the matrix logarithm. It does not exist for a discrete pole at zero (a delay) or
-on the negative real axis (an oscillation at half the sample rate). In these cases `continuous`
-uses the bilinear rule z = (1 + s dt/2)/(1 − s dt/2), whose result has a feedthrough D.
+The inverse needs a real matrix logarithm. A discrete pole at zero (a delay) or on the negative real
+axis (an oscillation at half the sample rate) has none. In these cases `continuous` uses the
+bilinear rule z = (1 + s dt/2)/(1 − s dt/2), whose result has a feedthrough D.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.nda
 def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the continuous-time (A, B) whose zero-order hold over dt (s) is (A_d, B_d).
 
-    The result is None if none exists.
+    Returns None if A_d has an eigenvalue at zero or on the negative real axis, or if the matrix
+    logarithm is not real.
     """
     z: np.ndarray = np.linalg.eigvals(A_d)
     if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):

@@ -13,8 +13,8 @@ def labels(models: Sequence[Model]) -> list[str]:
     """Return a distinct label for each model.
 
     The label is the model's name if no other model has it, else the stem of the model's file. If
-    the model was not read from a file, or the stem is not distinct, the label is the name, from
-    its second use on with a number: ``extended (2)``.
+    there is no file, or the stem is not distinct, the label is the name. From its second use on,
+    such a name gets a number: ``extended (2)``.
     """
     names = [m.name for m in models]
     first = [n if names.count(n) == 1 else _stem(m) for n, m in zip(names, models, strict=True)]

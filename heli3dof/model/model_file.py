@@ -38,7 +38,7 @@ def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
 def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
     """Write ``data`` to ``path`` as JSON and return the path; ``force`` overwrites a file.
 
-    A crash leaves the old or the new file, complete.
+    After a crash, the file is complete: it is the old one or the new one.
     """
     text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 UNITS = ("Hz", "rad", "deg", "kg", "N", "m", "s", "V", "A", "W")
-"""Units in the spelling of parameter names. A parser tries them in this order, so none may begin
-with an earlier one."""
+"""Units in the spelling of parameter names. A parser tries them in this order, so no unit
+may begin with an earlier unit of the list."""
 _ONE = rf"(?:{'|'.join(UNITS)})(?:[2-9]|[1-9]\d+)?"
 NAMED = re.compile(rf"_((?:{_ONE})+(?:_per_(?:{_ONE})+)?|per_(?:{_ONE})+)$")
 DIGITS, SUPERSCRIPTS = "0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"

@@ -95,7 +95,7 @@ def _context() -> multiprocessing.context.BaseContext:
 
 
 def _begin(threads: int) -> None:
-    """Prepare a worker process: limit its ``threads``, and leave Ctrl-C to the parent process."""
+    """Prepare a worker: limit it to ``threads`` threads; leave Ctrl-C to the parent process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for name in THREADS:
         os.environ[name] = str(threads)

@@ -1,8 +1,8 @@
 """Distribute the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
 
-The replications are divided into one part per worker: part k = 0 … n − 1 holds the replications k,
-k + n, k + 2n, … The function that computes them contains the recordings (about 0.3 MB per second of
-flight), so it is sent only once per part.
+With n workers, the replications are divided into n parts: part k = 0 … n − 1 holds the replications
+k, k + n, k + 2n, … The function that computes a replication contains the recordings, about 0.3 MB
+per second of flight. So this function is sent only once per part.
 """
 
 from __future__ import annotations

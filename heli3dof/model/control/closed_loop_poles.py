@@ -6,7 +6,7 @@ integrals ξ (rad·s) that the paper's model lacks (erratum E6)::
     ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
     u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]
 
-y = (r, p, ψ) is roll, pitch, yaw (rad), y_ref their references, u the voltages (V) from the trim.
+y = (r, p, ψ) is roll, pitch, yaw (rad), y_ref their references, u the voltages minus the trim (V).
 
 Sampled loop, as on the rig: the rates are derivatives by the Tustin-discretised filter of
 `controller`. Each integral advances by dt × error after the voltage is computed. An integral adds

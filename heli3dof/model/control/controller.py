@@ -13,7 +13,8 @@ an excitation voltage. At sample k:
 2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin.
 3. Each integral's contribution to each motor, ``K[i, 6] ξ_r`` and ``K[i, 7] ξ_ψ``, is clamped to
    ±``integrator_clamp_V``. The integral stops growing when its contribution has reached the clamp
-   on both motors (anti-windup). So it leaves the clamp as soon as its error changes sign.
+   on both motors (anti-windup). So the contribution leaves the clamp as soon as the error changes
+   sign.
 4. The voltage is computed from sample k's angles and the integrals up to sample k. Then the
    integrals advance by ``dt × error`` (forward Euler).
 

@@ -1,7 +1,8 @@
 """Identify the controller from a log: the linear law by which the voltages follow from the angles.
 
-From the angles y (rad) and the references r (rad), a sampled linear controller of order n computes
-the voltages u = v − extra (V), with the logged motor voltages v and the logged excitation extra:
+A sampled linear controller of order n computes voltages u from the angles y (rad) and the
+references r (rad). u = v − extra (V), with the logged motor voltages v and the logged excitation
+extra:
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
@@ -10,8 +11,8 @@ rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such 
 row is left out if it, or one of the n rows before it, is at the voltage limit.
 
 If n is larger than the controller's order, the law has superfluous modes, which B and R cancel. A
-mode z_i > 1 would grow in a simulated flight. So modes outside the unit circle are moved onto it
-(`stable_past`), and B, R and c are estimated again with this A.
+mode with |z_i| > 1 would grow in a simulated flight. So modes outside the unit circle are moved
+onto it (`stable_past`), and B, R and c are estimated again with this A.
 
 The unexplained **share** of a law (`model.control.unexplained_share`) is σ_e/std(Δu), with
 Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. The

@@ -1,4 +1,4 @@
-"""Check the closed loop of a profile before a flight: poles, disk margin, simulated steps.
+"""Check the closed loop of a profile before a flight: poles, disk margin, reference steps.
 
 The margin is for the sampled loop (filtered rates, integrals), broken at both motors' voltages
 simultaneously. At the motors, L(z) is the 2 × 2 loop gain and S = (I + L)⁻¹ the sensitivity. Two
@@ -14,8 +14,8 @@ a matrix M = [a b; c d], the diagonal scaling that makes |b| and |c| equal gives
     μ(M)² = (F + √(F² − 4 |det M|²)) / 2,    F = |a|² + |d|² + 2 |b c|
 
 Seiler, Packard and Gahinet, An introduction to disk margins, IEEE Control Systems 40(5), 2020. The
-steps are simulated on the nonlinear rigid body with encoder steps, the controller's limiters and
-the amplifier's ±v_max.
+reference steps are simulated on the nonlinear rigid body with quantised encoders, the controller's
+limiters and the amplifier's ±v_max.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ change α of the paper's rig by less than 0.001."""
 LOWEST_RAD_PER_S = 0.01
 """rad/s, the lowest frequency of the grid: a tenth of the slowest pole of the paper's loop."""
 STEP_S = 15.0
-"""s, length of a simulated step: the paper's loop settles within 7.7 s"""
+"""s, length of a simulated reference step: the paper's loop settles within 7.7 s"""
 SMALL_MARGIN = 0.4
 """A disk margin α below this causes a warning. At 0.4, a gain 1.5 times as large or ±23° of phase
 may destabilise the loop. The paper's K_g on its rig has about twice this α."""
 LARGE_OVERSHOOT = 0.6
-"""Overshoot, relative to the step, above which there is a warning. The paper's K_g overshoots a 20°
-yaw step by 16 % and a roll step by 19 %."""
+"""Overshoot, relative to the reference step, above which there is a warning. The paper's K_g
+overshoots a 20° yaw step by 16 % and a roll step by 19 %."""
 
 
 @dataclass(frozen=True)

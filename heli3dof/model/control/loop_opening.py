@@ -10,8 +10,8 @@ integral ξ_j. j = 0 is roll and j = 1 yaw; pitch has no integral.
 Each axis has a mode in each control period:
 
     CLOSED  unchanged
-    LEARN   unchanged; the mean c̄_im over these consecutive periods is stored as trim voltage
-            (the next LEARN of this axis in the flight replaces it)
+    LEARN   unchanged; the mean c̄_im over consecutive LEARN periods is stored as trim voltage
+            (the axis' next LEARN in the flight replaces it)
     OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
 
 For each motor m, the replacement is an extra voltage Σ_i (c̄_im − c_im) over the open axes.
@@ -55,7 +55,7 @@ SHARE = 0.7
 RETURN = radians(10.0)
 """rad/s: rate at which the reference returns to the plan's after a loop was closed"""
 FADE_S = 0.03
-"""s: time constant of the decay of the replacement voltage after the last loop was closed"""
+"""s: time constant of the decay of the replacement voltage once all loops are closed"""
 _SUM, _COUNT, _BEFORE, _OUTSIDE, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
 _EXCITATION, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
 N_OPENING = 26
@@ -152,8 +152,8 @@ def after_law(
 ) -> None:
     """Average or replace the axes' contributions to the voltages that `control_law` computed.
 
-    In mode LEARN the contribution is averaged; in an open loop the average replaces it. After the
-    last loop is closed, the replacement voltage decays with the time constant `FADE_S`. Finally,
+    In mode LEARN the contribution is averaged; in an open loop the average replaces it. Once all
+    loops are closed, the replacement voltage decays with the time constant `FADE_S`. Finally,
     the excitation is added. ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with
     the values to apply. ``p``, ``s``: the law's parameters and state; ``z``: state of the loop
     opening; ``mode``: see `before_law`.

@@ -7,7 +7,7 @@ the control period. An identified controller is linear, of order n (`recording.l
     v[k] = clip(Σ_{j=1…n} A_j v[k−j] + Σ_{j=0…n} B_j y[k−j] + w[k], ±v_max)
 
 v are the motor voltages (V), y the angles (rad). The input w (V) takes the place of the extra
-voltage. p[0] is negative:
+voltage. For this controller, p[0] is negative:
 
     p = [−n, v_max, A_1 … A_n, B_0 … B_n]        s = [v[k−1] … v[k−n], y[k−1] … y[k−n]]
 """

@@ -1,6 +1,6 @@
 """Check before a flight that the controller gain stabilises the chosen model of the rig.
 
-If it does not, the functions raise UnstableLoop (exit code 6).
+If the gain does not, the functions raise UnstableLoop (exit code 6).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import ControllerSpec, Profile
 
 MARGIN = 1e-4
-"""rad/s; a pole with real part above −`MARGIN` counts as unstable."""
+"""rad/s; a pole with real part ≥ −`MARGIN` counts as unstable."""
 
 
 def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:
     """Return the closed-loop poles (rad/s, rightmost first); raise UnstableLoop if any is unstable.
 
-    The exception names the poles with real part ≥ −`MARGIN` (rad/s). Linear models are checked
-    twice: with `Model.loop_poles`, and with the loop sampled every ``dt`` s with the derivative
-    filter. A low loop rate can make the sampled loop unstable.
+    The exception names the poles with real part ≥ −`MARGIN` (rad/s). The poles are those of
+    `Model.loop_poles`. For a linear model, the poles of the loop that is sampled every ``dt`` s and
+    has the derivative filter must be stable, too: a low loop rate can make this loop unstable.
     """
     poles = model.loop_poles(controller, dt)
     unstable = poles[~(poles.real < -MARGIN)]

@@ -77,7 +77,7 @@ class VoltageReplay:
     share: float
     """Upper quartile of the blocks' shares"""
     std_V: float
-    """The share times the standard deviation of the logged voltage"""
+    """``share`` times the standard deviation of the logged voltages, the larger of both motors'"""
     difference: np.ndarray
     """(N, 2) V: d without constant and slope; zero in the rows that are left out"""
 
@@ -210,7 +210,7 @@ def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
     """Return True if the controller's signals explain more than `EXPLAINED` of the variance of d.
 
     The signals are the control errors, rates and integrals. d (N, 2) V is logged minus computed
-    voltages; ``rows`` (N,) bool selects the rows to use. One motor for which this holds suffices.
+    voltages; ``rows`` (N,) bool selects the rows to use. It is enough if this holds for one motor.
     """
     from scipy.signal import lfilter
 

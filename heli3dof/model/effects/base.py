@@ -30,10 +30,10 @@ class Parameter:
 
     Attributes:
         null: the value at which the effect is absent.
-        low, high: bounds of an estimate. Where the equations allow it (friction), they include the
-            wrong sign, so that zero does not cut off a confidence interval.
-        typical: a value with a noticeable effect on a rig; it scales the optimiser's steps and
-            the default priors.
+        low, high: bounds of an estimate. Where the equations allow negative values (friction),
+            ``low`` is negative, so that zero does not cut off a confidence interval.
+        typical: a deviation from ``null`` (a value if ``log``) with a noticeable effect on a rig.
+            It scales the optimiser's steps and the default priors.
         log: if true, the logarithm is estimated (positive parameters only).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
             logarithm if ``log``); default 10 · ``typical``, or 1.5 if ``log``.
@@ -71,7 +71,8 @@ class Parameter:
 SHARE_STD = 0.2
 """Standard deviation of the prior of a `share`; the mean is 1."""
 SMALL = 0.1
-"""Ratio of a parameter's value to its typical size at which an effect is still nearly linear."""
+"""Ratio of a parameter's deviation from its null to `Parameter.typical`. At this ratio, the motion
+is still nearly linear in the parameter."""
 
 
 def share(meaning: str) -> Parameter:
@@ -104,9 +105,10 @@ class Effect:
         formal: true for another form of the rigid body's equations, which is no defect of the rig.
             A diagnosis may use it but never reports it as a finding.
         candidate: true if a diagnosis may propose it.
-        probes: values of the parameters at which a diagnosis evaluates the score, simplest first;
-            omitted parameters are at null. Default: `SMALL` times the first parameter's typical
-            value. Several are needed if the shape of the predicted change depends on the value.
+        probes: tuples of parameter values at which a diagnosis evaluates the score; parameters
+            that a tuple omits have their null. Default: one tuple, the first parameter's null +
+            `SMALL` · ``typical``. Several tuples are needed if the shape of the predicted change
+            depends on the value.
         probe_quantiles: for a voltage limit, instead of ``probes``: a diagnosis evaluates the score
             at these quantiles of the recorded |voltage|.
         scan: ``frequency`` if the second parameter is a frequency, ``instant`` if it is the time of

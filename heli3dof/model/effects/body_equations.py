@@ -46,15 +46,17 @@ def geometry(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 
 def couplings(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """Equations without inertia couplings of the axes: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
+    """Simplified equations, without the axes' inertia couplings: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
 
-    Equations of this rig are often written for each axis alone. Their accelerations q̈_alone lack
-    the couplings by the inertia of the bar with the motors. The complete rigid body's q̈_rigid
-    contain them (`heli3dof.model.physics.rigid_body`). The largest omitted torque is −J_p sin r ψ̈
-    on pitch, up to 0.01 N·m, with roll r, yaw ψ and the pitch inertia J_p. The parameter κ (0 … 1)
-    scales the omission. A simulated rig with such equations has no defect, so a diagnosis may use κ
-    but does not report it as a finding. In a model with this effect, κ has the prior N(1, 0.2²)
-    (`heli3dof.model.effects.base.share`).
+    In the complete rigid body, with the accelerations q̈_rigid, the inertia of the bar with the
+    motors couples the axes (`heli3dof.model.physics.rigid_body`). Equations of such rigs are often
+    written for each axis alone, without these couplings; q̈_alone are their accelerations. The
+    largest omitted torque is −J_p sin r ψ̈ on pitch, up to 0.01 N·m, with roll r, yaw ψ and the
+    pitch inertia J_p. κ = 0 keeps all couplings, κ = 1 omits them.
+
+    A real rig has the couplings; a simulated rig may lack them. This choice of equations is no
+    defect, so a diagnosis may use κ but does not report it as a finding. In a model with this
+    effect, κ has the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
     """
     out[UNCOUPLED] = par[A]
 
@@ -68,9 +70,9 @@ def rates(s: Any, par: Any, mem: Any, out: Any) -> None:
         J_p sin p cos p (ṙ² − cos² r ψ̇²)        on pitch p
         2 (J_ψ − J_p) sin r cos r ṙ ψ̇           on yaw ψ
 
-    J are the axes' inertias (`heli3dof.model.physics.rigid_body`). The parameter μ (0 … 1) scales
-    the omission. This effect is for models with the effect ``simplified.couplings``. A diagnosis
-    does not report it as a finding.
+    J are the axes' inertias (`heli3dof.model.physics.rigid_body`). μ = 0 keeps these torques, μ = 1
+    omits them. This effect is for models with the effect ``simplified.couplings``. A diagnosis does
+    not report it as a finding.
     """
     out[WITHOUT_RATE_PRODUCTS] = par[A]
 
@@ -81,9 +83,9 @@ def side_thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
     D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
     body's axis to a motor; r and p are roll and pitch. In the complete rigid body, the inertia
     coupling J_p sin r p̈ cancels most of this torque, because the pitch acceleration p̈ is nearly
-    proportional to D (see `physics.rigid_body`). Simplified equations without this coupling may
-    keep the torque; the parameter η (0 … 1) scales it. This effect is for models with the effect
-    ``simplified.couplings``. A diagnosis does not report it.
+    proportional to D (see `physics.rigid_body`). Simplified equations without this coupling omit
+    the torque (η = 0) or keep all of it (η = 1). This effect is for models with the effect
+    ``simplified.couplings``. A diagnosis does not report it as a finding.
     """
     out[SIDE_THRUST] = par[A]
 
@@ -93,9 +95,9 @@ def yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
 
     With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has J_ψ(r) =
     (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. As J_ψ(r) changes, it causes the
-    torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter ν (0 …
-    1) scales the omitted part of the change and of its torque. A diagnosis does not report this
-    choice of equations as a finding.
+    torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). ν = 0 keeps this
+    change and its torque, ν = 1 omits both. A diagnosis does not report this choice of equations as
+    a finding.
     """
     out[CONSTANT_YAW_INERTIA] = par[A]
 

@@ -77,8 +77,8 @@ def equation_mistakes(effect: Effect) -> list[str]:
 
     An equation must raise no exception, not change its arguments other than ``mem`` and ``out``,
     and return finite numbers. It may change only the axis on which it acts, and must add to a
-    torque instead of replacing it. If each parameter has its ``null``, it must add no torque; this
-    rule is not checked if a parameter's logarithm is estimated.
+    torque instead of replacing it. With each parameter at its ``null``, it must add no torque. This
+    last rule is not checked if the effect has a parameter with ``log``.
     """
     axes = [AXES.index(axis) for axis in effect.axes] or [-1]
     found = (m for stage in effect.hooks for axis in axes for m in _mistakes(effect, stage, axis))
@@ -86,14 +86,17 @@ def equation_mistakes(effect: Effect) -> list[str]:
 
 
 def adds_nothing(effect: Effect, stage: Stage) -> bool:
-    """Return True if an equation of typical parameters adds nothing at any state."""
+    """Return True if the equation adds zero in all `states`, with `typical` parameters.
+
+    Of the effect's axes, only the first is tried.
+    """
     axis = AXES.index(effect.axes[0]) if effect.axes else -1
     run = _equation(effect, stage, axis, typical(effect))
     return not any(run(s, np.zeros(3)).any() for s in states())
 
 
 def typical(effect: Effect) -> list[float]:
-    """Return parameters that give the effect a typical size."""
+    """Return the effect's parameters: ``null`` + ``typical`` each, or ``typical`` if ``log``."""
     return [p.typical if p.log else p.null + p.typical for p in effect.parameters]
 
 

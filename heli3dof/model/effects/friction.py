@@ -10,9 +10,9 @@ from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.physics.state_layout import AXIS, J_R, R_DOT, STEPPED, A, Stage
 
 NARROWEST = 0.002
-"""rad/s, the constant part of ω_s."""
+"""rad/s, the constant part of ω_s in `coulomb_dry`"""
 REVERSAL_S = 0.004
-"""s, the factor of |τ_c|/J in ω_s."""
+"""s, the factor of |τ_c|/J in ω_s (`coulomb_dry`)"""
 
 
 def coulomb_dry(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -29,7 +29,7 @@ def inertia_product(s: Any, par: Any, mem: Any, out: Any) -> None:
     Both follow from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes
     it a pendulum (effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A
     counterweight that hangs below reduces P. The change of the yaw inertia J_yaw by P sin 2r is
-    neglected: a few per cent at the angles of flight.
+    neglected: a few per cent of J_yaw at the angles of flight.
     """
     c = par[A] * math.cos(2.0 * s[R])
     out[0] += c * s[PSI_DOT] * s[PSI_DOT]

@@ -19,8 +19,8 @@ def pendulum(s: Any, par: Any, mem: Any, out: Any) -> None:
     """The centre of mass lies below the axis: τ = −k sin q, q the angle of roll or pitch.
 
     k = m g d in N·m, with the moving mass m, gravity g, and the distance d of the mass's centre
-    below the axis. On the roll axis the arm is a pendulum of ω_n = √(k/J_roll), 1.0 to 1.8 rad/s on
-    identified rigs.
+    below the axis. On roll, the arm is a pendulum with the natural frequency ω_n = √(k/J_roll):
+    1.0 to 1.8 rad/s on identified rigs.
     """
     i = int(par[AXIS])
     out[i] -= par[A] * math.sin(s[R + i])

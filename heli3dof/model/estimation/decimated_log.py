@@ -23,7 +23,7 @@ NEAR = 0.02
 
 
 def decimation(recording: Recording) -> int:
-    """Return the log's sample interval in control periods; 1 if it is not nearly a whole number."""
+    """Return m, the sample interval in control periods; 1 if the ratio is not nearly whole."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt
@@ -47,8 +47,8 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
     """Return the log with a row per control period, and its N rows' indices (N,) in the result.
 
-    If the log is not decimated, rows are added only in holes of `HOLE_S` or more, where the loop
-    went on without being logged. In shorter gaps the rig held its voltage.
+    If the log is not decimated, rows are added only in gaps of `HOLE_S` or more, in which the
+    loop ran but was not logged. In shorter gaps the rig held its voltage.
 
     In added rows, the times and the voltages added to the controller's (``voltage_extra``) are
     interpolated. All other values are those of the row before. The caller can replace the angles

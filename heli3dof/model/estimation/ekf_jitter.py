@@ -15,8 +15,8 @@ b are effect parameters that are constant within a recording and differ between 
 the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
 and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
 The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with
-∂q̈/∂(q, q̇, b). But dry friction changes x only, not P, and the process noise is that of the angle,
-even if an encoder reads k times its angle. x advances by the midpoint rule. The rule's error per
+∂q̈/∂(q, q̇, b). But dry friction changes x only, not P. The process noise is that of the angle, even
+if an encoder reads k times its angle. x advances by the midpoint rule. The rule's error per
 sample interval h is h³ q⃛/24, a thousandth of an encoder step.
 """
 

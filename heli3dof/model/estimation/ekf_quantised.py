@@ -136,7 +136,7 @@ def _filter(  # type: ignore[no-untyped-def]
     reading changes, ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,)
     gets the log-likelihood of each axis. ``keep`` selects what else is stored:
     - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
-      with opposite sign), prediction C, score G, information W, and K (6,), the covariance of x
+      with opposite sign), prediction C, score G and information W. K (6,) is the covariance of x
       and the predicted reading or rate, so that x ← x + K G;
     - ≥ 2: X (N, 6), the states after the updates of each row;
     - ≥ 3: X (N, 9); its last three columns are ``loglik`` up to each row.
@@ -296,8 +296,8 @@ class FilterRun:
     """(E, 6) covariance of state and predicted reading at each update, which changes the state by
     K g"""
     X: np.ndarray | None
-    """(N, 6) states after each row, angles in rad and rates in rad/s; (N, 9) if the sums Σ ln Z by
-    axis up to the row follow; None if not kept"""
+    """(N, 6) states after each row: angles (rad), rates (rad/s). (N, 9) with the sum Σ ln Z of each
+    axis up to the row in the last three columns. None if not kept"""
 
 
 def filter_quantised(
@@ -348,8 +348,8 @@ def _follow(  # type: ignore[no-untyped-def]
     D is the predicted reading or rate minus that of `_filter`. Each event changes the state by
     K (G − W D). row, state, C, G, W, K are the events that `_filter` stored; the other arguments
     are those of `_filter`. ``s0`` and ``pars`` contain the J sets, each from `Structure.arrays`.
-    The integration is coarser than the filter's. Therefore, pass the filter's own parameters as the
-    first set, and subtract the first row of D from the other rows.
+    Unlike in the filter, dry friction here ignores the uncertainty of the rates. Therefore, pass
+    the filter's own parameters as the first set, and subtract the first row of D from the others.
     """
     N, E = V.shape[0], row.shape[0]
     encoder_effects = first[MEASURE + 1] > first[MEASURE]

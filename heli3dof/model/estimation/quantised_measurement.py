@@ -9,9 +9,10 @@ and Φ its distribution function. The old Z is Z directly after the angle's last
 update depends on the reading:
 
 * The reading passes the edge e between two samples: the angle was e, up to the distance that the
-  rate q̇ covers in one period h. q̇⁺ is the rate in the direction in which the reading changed, or 0
-  if q̇ is opposite. The likelihood is the flux N(e; m, S) E[q̇⁺] h divided by the old Z. N(e; m, S)
-  updates the angle, E[q̇⁺] the rate. E[q̇⁺] is required, because edges are more likely at high rates.
+  rate q̇ covers in one period h. q̇⁺ is the rate in the direction of the reading's change, or 0 if q̇
+  has the opposite direction. The likelihood is the flux N(e; m, S) E[q̇⁺] h divided by the old Z.
+  N(e; m, S) updates the angle, E[q̇⁺] the rate. E[q̇⁺] is required, because edges are more likely at
+  high rates.
 * The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) times the
   old Z. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z minus
   the old ln Z is added to the log-likelihood.

@@ -2,10 +2,10 @@
 
     z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
 
-with A, B by central differences of the simulation step. r, p, ψ are roll, pitch, yaw, F_f and F_b
-the thrusts, V the motor voltages, u0 those at trim. A delay appends delayed voltages to z. Dry
-friction has no linearisation and is omitted. An encoder with backlash is linearised in the middle
-of the backlash.
+A and B are central differences of one time step of the simulation. r, p, ψ are roll, pitch, yaw,
+F_f and F_b the thrusts, V the motor voltages, u0 those at trim. A delay appends delayed voltages to
+z. Dry friction has no linearisation and is omitted. An encoder with backlash is linearised in the
+middle of the backlash.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from heli3dof.model.physics.parametrisation import Structure
 
 STEP = 0.05
-"""Step of the differences in the delta method, as a share of a standard deviation. Chosen: small
-enough for a straight line, and far above rounding errors."""
+"""Step of the differences in the delta method, as a share of the parameter's standard deviation.
+Chosen: small enough for a straight line, and far above rounding errors."""
 
 
 class Valued(Protocol):
@@ -216,7 +216,7 @@ def _hover(model: Valued, roll_deg: float = 0.0) -> tuple[np.ndarray, np.ndarray
 
 
 def _delta_std(model: GreyBoxModel) -> float:
-    """Return the standard deviation (V) of the level hover voltage; unknown covariances are 0."""
+    """Return the level hover voltage's standard deviation (V); unknown covariances count as 0."""
     C = np.nan_to_num(model.covariance)
     gradient = np.zeros(len(C))
     for j in np.flatnonzero(np.diag(C) > 0):

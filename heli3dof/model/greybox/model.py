@@ -50,8 +50,8 @@ class GreyBoxModel:
     jitter_s: float = 0.0
     """s, sampling jitter: standard deviation of the sampling instants."""
     varying: Mapping[str, float] = field(default_factory=dict)
-    """Parameters that differ between recordings: name → standard deviation about the value, in its
-    unit. Prediction re-estimates them (`heli3dof.model.estimation.ekf_jitter`)."""
+    """Parameters that differ between recordings: name → standard deviation about the value, in
+    the parameter's unit. Prediction re-estimates them (`heli3dof.model.estimation.ekf_jitter`)."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Other content of the model file: recordings, validation verdicts, versions."""
     kind: str = "greybox"
@@ -112,8 +112,8 @@ class GreyBoxModel:
         """Return the linearisation at level hover as a python-control ``StateSpace``.
 
         States: r, p, psi (rad), their rates (rad/s), F_front, F_back (N) if the rotors lag, then
-        the delayed voltages. Sampled every ``dt`` s (default: the control period) or in continuous
-        time. Raises CheckFailed if the model cannot hover level.
+        the delayed voltages. The result is sampled every ``dt`` s (default: the control period) or
+        in continuous time. Raises CheckFailed if the model cannot hover level.
         """
         from heli3dof.model.discretisation import to_control
         from heli3dof.model.greybox.linearisation import linear

@@ -1,9 +1,9 @@
 """Predict with a grey-box model: simulate from filtered states with the recorded voltages.
 
 An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
-vary by recording) estimates the state x̂[k] at each row k from readings up to that row. From there
-the model is simulated to the horizons of n_j samples, h_j (s), in steps of about `STEP_S` s, with
-the thrusts' mean over each step:
+vary by recording) estimates the state x̂[k] at each row k from readings up to that row. From each
+x̂[k] the model is simulated to the horizons h_j (s) of n_j samples. In each time step of about
+`STEP_S` s, the thrusts are constant, at their mean:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
@@ -44,9 +44,10 @@ if TYPE_CHECKING:
     from heli3dof.model.greybox.model import GreyBoxModel
 
 STEP_S = 0.02
-"""s, the step of the simulation, rounded to whole rows."""
+"""s, the time step of the simulation, rounded to whole rows."""
 NOISE = np.array([0.05, 0.15, 0.05])
-"""(3,) rad/s²/√Hz for a model without noise values; see `heli3dof.model.linear.prediction`."""
+"""(3,) rad/s²/√Hz, process noise for a model without noise values; see
+`heli3dof.model.linear.prediction`."""
 
 
 def _windows(  # type: ignore[no-untyped-def]
@@ -73,7 +74,7 @@ def _windows(  # type: ignore[no-untyped-def]
     ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
     in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
     parameters that vary by recording; ``thrust_integral`` (N + 1, 2): the thrusts' time integral
-    (`impulse`); ``low``: roll on the table (rad); ``stride``: rows per step; ``by_direction``:
+    (`impulse`); ``low``: roll on the table (rad); ``stride``: rows per time step; ``by_direction``:
     see `predictions`. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
@@ -133,7 +134,8 @@ class Flight:
 _FILTERED: WeakKeyDictionary[
     GreyBoxModel, WeakKeyDictionary[Recording, tuple[Flight, np.ndarray]]
 ] = WeakKeyDictionary()
-"""Results of `filtered` by model and recording; outside of the model, which can then be pickled"""
+"""Results of `filtered` by model and recording; kept outside the model, so that it can be
+pickled"""
 
 
 def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:

@@ -122,9 +122,9 @@ class LinearModel:
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (rad/s, rightmost first) with the controller's gain.
 
-        For the hover model, the loop is continuous, with ideal rates and two integrals, as in the
-        paper. For other models, it is sampled every ``dt`` s and has the derivative filter. Then a
-        pole z is returned as s = log(z)/dt, and z = 0 (a pure delay) is omitted. See
+        For the hover model, the loop is continuous, with exact rates (as in the paper) and two
+        error integrals. For other models, the loop is sampled every ``dt`` s and has the derivative
+        filter. Then a pole z is returned as s = log(z)/dt, and z = 0 (a pure delay) is omitted. See
         `heli3dof.model.control.closed_loop_poles`.
         """
         from heli3dof.model.control.closed_loop_poles import ideal_loop_poles, sampled_loop_poles
@@ -151,8 +151,8 @@ class LinearModel:
         """Return a python-control ``StateSpace`` from motor voltages (V) to angles (rad).
 
         Inputs and outputs are differences from the trim. The states of the hover model are r, p,
-        psi and their rates; the states of other models are x[0], x[1], … Sampled every ``dt`` s
-        (default: the model's interval; see `at`) or in continuous time.
+        psi and their rates; the states of other models are x[0], x[1], … The result is sampled
+        every ``dt`` s (default: the model's interval; see `at`) or in continuous time.
         """
         from heli3dof.model.discretisation import HOVER_STATES, to_control
 

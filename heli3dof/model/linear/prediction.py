@@ -15,12 +15,12 @@ limit is used. The noise that this Kalman gain assumes depends on the model:
 
 * K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. If S is unknown,
   the encoder noise below replaces it. If every axis is measured, the limit is K itself.
-* the hover model, for which the paper gives no noise: white angular acceleration of
-  intensity `ACCELERATION`², and encoder steps as white noise of variance step²/12 per sample. The
-  intensity is large on purpose: the hover model's accelerations are off by tenths of rad/s² on a
-  real rig, and the filter must still follow the rates.
-* any other model with K = 0 (output error): the same encoder noise, and process noise that makes
-  the free response drift by `DRIFT` rad/√s, independently of the state coordinates.
+* the hover model, for which the paper gives no noise: white angular acceleration of intensity
+  `ACCELERATION`². Encoder noise is white, of variance step²/12 per sample. The intensity is large
+  on purpose: the hover model's accelerations are off by tenths of rad/s² on a real rig. The filter
+  must still follow the rates.
+* any other model with K = 0 (output error): the same encoder noise. Process noise makes the free
+  response drift by `DRIFT` rad/√s, independently of the state coordinates.
 
 The filter ignores an axis without readings and skips a lost reading. Lost rows are filled in gaps
 of up to `heli3dof.model.estimation.filter_data.LOST` periods.

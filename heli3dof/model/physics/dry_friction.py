@@ -8,7 +8,8 @@ the inverse mass matrix, for all joints j
 
 For the joint itself this is the soft threshold S(v) = sgn(v) max(|v| − b, 0), b = τ_c h W_ii. A
 joint at rest under a torque below τ_c stays at rest, and friction cannot reverse the motion. With
-friction in several joints, which W couples, the impulses are iterated until they converge.
+friction in several joints, which W couples, the impulses are iterated until they converge, at most
+`SWEEPS` times.
 
 W is diag(1/J) for the hover model (`state_layout.LINEAR`) and diagonal for uncoupled axes
 (`UNCOUPLED`); `CONSTANT_YAW_INERTIA` changes W_ψψ (`heli3dof.model.physics.rigid_body`).

@@ -89,7 +89,10 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Keep roll x[0] (rad) at or above ``low``, its value on the table, where a fall stops."""
+    """Stop a fall at the table, where roll is ``low`` (rad).
+
+    If roll x[0] is below ``low``, it becomes ``low``, and a negative roll rate x[3] becomes zero.
+    """
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -190,7 +193,7 @@ mean_thrust_step = compiled(_mean_thrust_step, leaf=True, error_model="numpy")
 def _mean_thrust_steps(  # type: ignore[no-untyped-def]
     s, x, a, end, stride, t, thrust_integral, V, low, first, address, par, mem, free, w
 ):
-    """Advance the state x from row a to row ``end`` in steps of ``stride`` rows.
+    """Advance the state x from row a to row ``end`` in time steps of ``stride`` rows.
 
     Each step is `_mean_thrust_step`, then dry friction, then the stop at the table at roll ``low``
     (rad). ``thrust_integral``: see `_mean_thrust_step`. Other arguments: see the head of this file.

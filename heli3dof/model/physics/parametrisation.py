@@ -40,7 +40,7 @@ class FreeParameter(Parameter):
     """A parameter to estimate, of the rigid body or of an effect."""
 
     term: str | None = None
-    """The name of its term (effect on an axis); None for a base parameter."""
+    """The name of its term (effect on an axis); None for a parameter of the rigid body."""
 
     def scaled(self, value: float) -> float:
         """Return θ, the scaled parameter of a fit: value/``typical``, or ln(value) if ``log``."""

@@ -35,9 +35,9 @@ With F = F_f + F_b, D = F_f − F_b (N)::
     Q_p = L_h D − G_p cos r cos p + effects
     Q_ψ = −L_a cos r sin p F + L_h sin r D + effects
 
-For small pitch and slow yaw these are the usual textbook equations, J_roll r̈ = L_a cos p F −
-T_g cos r and so on. The motors' mass difference acts through its weight only; its product of
-inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
+For small pitch and slow yaw these are the usual textbook equations, on roll for example
+J_r r̈ = L_a cos p F − T_g cos r. The motors' mass difference acts through its weight only; its
+product of inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
 
 From here on, J_p and J_ψ include δJ_p and δJ_ψ, and τ are the torques of effects.
 
@@ -61,11 +61,11 @@ where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
     ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + (1 − μ) 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
     τ_y = −L_a cos r sin p F + η L_h sin r D + τ_ψ
 
-κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates. The largest
-omission is M_pψ ψ̈, up to 0.01 N·m on pitch. ν omits the change of J_ψ with the arm's tilt, μ all
-products of rates; η restores L_h sin r D. Each of the four is zero unless the model contains its
-effect `simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of the rigid body in the
-blend with the hover model.
+κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates that q̈_alone
+lacks. The largest omission is M_pψ ψ̈, up to 0.01 N·m on pitch. ν omits the change of J_ψ with the
+arm's tilt, μ all products of rates; η restores L_h sin r D. Each of the four is zero unless the
+model contains its effect `simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of
+the rigid body in the blend with the hover model.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value, and T_g, J_r, J_p, J_ψ and every effect's torque are

@@ -81,9 +81,10 @@ class Stage(enum.IntEnum):
     VOLTAGE = 1
     """Called once a sample. Change ``out`` (2,) V, the motors' voltages (front, back), in place."""
     THRUST = 2
-    """Called at every evaluation of q̈. Change ``out`` (2,) N, the thrusts, in place."""
+    """Called whenever accelerations are computed. Change ``out`` (2,) N, the thrusts, in place."""
     TORQUE = 3
-    """Called at every evaluation of q̈. Add to ``out`` (3,) N·m, torques on roll, pitch, yaw."""
+    """Called whenever accelerations are computed. Add to ``out`` (3,) N·m, torques on roll, pitch,
+    yaw."""
     MEASURE = 4
     """Called once a sample. Change ``out`` (3,) rad, the encoders' readings, in place."""
     DRY = 5
