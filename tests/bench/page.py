@@ -278,9 +278,7 @@ def _study(rig: str) -> dict[str, Callable[[], str]]:
 
 
 STUDIES = [
-    Page(
-        "docs/results/rig-a.md", {**_study("rig-a"), "replays": partial(replays_table, "rig-a")}
-    ),
+    Page("docs/results/rig-a.md", {**_study("rig-a"), "replays": partial(replays_table, "rig-a")}),
     Page("docs/results/rig-b.md", _study("rig-b")),
 ]
 """The case studies: figures of topic `real`, and the output of `diagnose` that it stores"""
