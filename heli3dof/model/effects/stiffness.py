@@ -16,11 +16,11 @@ def cable(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 
 def pendulum(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """The centre of mass lies below the axis: τ = −k sin q, q the angle of roll or pitch.
+    """The centre of mass lies off the axis: τ = −k sin q, q the angle of roll or pitch.
 
     k = m g d in N·m, with the moving mass m, gravity g, and the distance d of the mass's centre
-    below the axis. On roll, the arm is a pendulum with the natural frequency ω_n = √(k/J_roll):
-    1.0 to 1.8 rad/s on identified rigs.
+    below the axis (negative: above). For k > 0 on roll, the arm is a pendulum with the natural
+    frequency ω_n = √(k/J_roll): 1.0 to 1.8 rad/s on identified rigs.
     """
     i = int(par[AXIS])
     out[i] -= par[A] * math.sin(s[R + i])
@@ -40,7 +40,7 @@ EFFECTS = (
     ),
     Effect(
         name="stiffness.pendulum",
-        summary="The centre of mass lies below the axis: −k sin q.",
+        summary="The centre of mass lies below the axis (above if k < 0): −k sin q.",
         parameters=(
             Parameter("torque_Nm", "N·m", 0.0, -3.0, 10.0, 0.5, "k, times sin of the angle"),
         ),
