@@ -308,7 +308,9 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Wait until a bulk transfer with the rig ``function`` may succeed, but at most 10 ms.
+        """Wait until the rig has data or room for a bulk transfer, but at most 10 ms.
+
+        ``function``: the rig's USB function.
 
         Raises USBTimeoutError if ``deadline`` (s, host's monotonic clock) has passed.
         """

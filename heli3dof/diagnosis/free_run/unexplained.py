@@ -1,12 +1,12 @@
-"""Report what the fitted model explains, and what not: take-off, creep at a constant voltage.
+"""Report what the fitted model explains of a rig's properties, and what not: take-off and creep.
 
 **Take-off.** The fit omits the take-off, in which the rotors' initial speed is unknown: it depends
 on earlier voltages. From `SPUN_UP_S` after lift-off on, this speed no longer matters. The measured
-mean pitch acceleration p̈ (rad/s²) from then to the end of the climb is compared with the model's on
-the same path. Both are computed in weak form. The take-off is reported if the two means differ by
-at least `SIGMAS_95` standard deviations of the model's mean (from the parameters' covariance). The
-report also compares the measured climb in roll with two simulations: rotors initially at rest, and
-at steady speed.
+mean pitch acceleration p̈ (rad/s²) from then to the end of the climb is compared with the model's at
+the measured angles and rates. Both are computed in weak form. The take-off is reported if the two
+means differ by at least `SIGMAS_95` standard deviations of the model's mean (from the parameters'
+covariance). The report also compares the measured climb in roll with two simulations: rotors
+initially at rest, and at steady speed.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
 is compared with the model's equilibrium, with the symbols below:
@@ -23,9 +23,10 @@ rig the model explains. In steady level flight, both motors at voltage V give th
 
     F = 2 K_f V_o (V/V_o)^n
     L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r
-    F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's relative thrust
+    F(V)/F(V_hover) = (V/V_hover)^n                          of each motor, and of both together
 
-T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque. L_a (m) is the arm's
+T_g, τ and k_r (N·m) are the trim torque (gravity torque of the level arm), `mass.imbalance` and
+pendulum torque. L_a (m) is the arm's
 length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. The hover voltage at each roll
 angle is the equilibrium of the model with all its effects (`linearisation.hover_voltage`). Rows are
 in steady flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.

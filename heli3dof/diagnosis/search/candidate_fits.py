@@ -256,10 +256,12 @@ def bic_penalty(m: int, at: FilterRun) -> float:
 def start_at_probe(
     ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """Return start parameters (n + m,): the current fit (n,), the new term (m,) at probe i.
+    """Return the start parameters (n + m,) of a fit with a new term.
 
-    ``ext``: likelihood with the new term. ``unbiased``: (z − z̄)/z, with the probe's score z and its
-    mean z̄ over the nulls; this factor corrects the size of the new term for bias.
+    The first n are those of the current fit. The other m are the new term's, at the values of its
+    probe i (`search.catalogue`). ``ext``: likelihood with the new term. ``unbiased``: (z − z̄)/z,
+    with the probe's score z and its mean z̄ over the null simulations. This factor corrects the size
+    of the new term for bias.
     """
     probe = result.probes[i]
     new = ext.structure.free[len(current.free) :]

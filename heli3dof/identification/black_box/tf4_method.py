@@ -89,8 +89,9 @@ def simulation_errors(
 ) -> Innovations:
     """Return each run's simulation errors (rad) and voltages minus the model's trim (V).
 
-    ``runs`` are ranges of usable rows of the recordings in ``prepared``, here decimated to
-    ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
+    This function decimates the recordings in ``prepared`` to ``interval_s`` (s). ``runs`` are
+    ranges of their usable rows before that. Each run is simulated from the initial state that fits
+    it best.
     """
     d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)

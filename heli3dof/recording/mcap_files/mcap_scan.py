@@ -342,7 +342,7 @@ def missing(path: Path) -> RecordingError:
 
 
 def damaged(path: Path, error: Damaged, where: str = "") -> RecordingError:
-    """Return the error for a file with damaged bytes.
+    """Return the RecordingError to raise for the file at ``path``, which has damaged bytes.
 
     ``error`` states the damage; ``where`` its place, as text such as `` in the middle``.
     """

@@ -150,11 +150,11 @@ def changed_ratios(document: Document) -> list[Document]:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield sentences on refitting the profile: RMSE before and after, changed parameter ratios.
+    """Yield sentences on refitting the profile: RMSE before and after, changed ratios.
 
-    A ratio of parameters is named if it changed by more than two standard deviations. Yields
-    sentences only if the refit explains the error (`refit_explains`), or if the diagnosis found
-    nothing and the noise floor is unknown.
+    A ratio of two parameters, such as T_g/J_roll, is stated if it differs from the profile's by
+    more than two standard deviations. Yields sentences only if the refit explains the error
+    (`refit_explains`), or if the diagnosis found nothing and the noise floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if not (unknown or refit_explains(document)):
