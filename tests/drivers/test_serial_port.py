@@ -243,4 +243,4 @@ def test_the_page_names_every_option_and_every_counter():
     assert set(DRIVER.options) <= named
     assert named - set(DRIVER.options) <= counted
     assert counted - named == {"sent", "received", "commands"}  # self-explanatory
-    assert f"for {handshake.TRIES * handshake.REPLY_TIMEOUT_S:g} s" in page
+    assert f"for up to {handshake.TRIES * handshake.REPLY_TIMEOUT_S:g} s" in page
