@@ -7,7 +7,8 @@ The gain of a cause is the decrease of the prediction error if the model contain
    are estimated and bias-corrected (`bias_correction.correction`).
 3. Forward selection (`search.select`): a score test against simulated nulls, then full fits of
    the best candidates; both are repeated after each cause.
-4. Gain: causes that do not improve the prediction of held-out data are dropped.
+4. Gain: causes that do not improve the prediction of held-out data are dropped. If all are dropped,
+   step 3 is repeated without them.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
    dropped (`conclusion.compensating_causes`).
 """
@@ -19,7 +20,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from heli3dof.diagnosis.base_parameters import off_nominal
-from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted, fitted
 from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
 from heli3dof.diagnosis.conclusion.confounded_parameters import (
     ROLL_OFFSET,
@@ -40,7 +41,7 @@ from heli3dof.diagnosis.free_run.diagnose_free_run import (
     diagnose_without_likelihood,
     no_likelihood,
 )
-from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.diagnosis.result import Diagnosis, Dropped
 from heli3dof.diagnosis.search.steps import (
     Step,
     base_with_forms,
@@ -48,7 +49,6 @@ from heli3dof.diagnosis.search.steps import (
     screening_step,
     with_rivals_that_remain,
 )
-from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import BASES, fit_base
@@ -136,14 +136,8 @@ def _diagnosed(
     setup = Setup(tuple(train), seed, effort.correction, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
     base_fit = fit_base(setup)
-    steps, fit = forward_selection(setup, base_fit, effort, clock)
+    steps, settled = search_causes(setup, base_fit, held, effort, clock)
     first = steps[0]
-    clock.start("gain", "Testing the candidates on held-out data …")
-    choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
-    settled = adopted(fit, choices, held, seed=seed)
-    if settled.dropped and not settled.findings:  # the base fit has its own bias correction
-        fit = base_with_forms(base_fit, settled.fit)
-        settled = replace(settled, fit=fit, after=held_out(fit, held))
     clock.start("left", "Searching for unmodelled effects …")
     settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
     findings = marked_if_doubtful(with_segment_ties(settled.findings), setup)
@@ -176,6 +170,29 @@ def _diagnosed(
     return conclude(
         without_verdict, setup.axes, detectable_offset_deg=first.detectable_size(ROLL_OFFSET)
     )
+
+
+def search_causes(
+    setup: Setup, base: CorrectedFit, holdout: Sequence[Recording], effort: Effort,
+    clock: StageClock,
+) -> tuple[list[Step], AdoptionResult]:  # fmt: skip
+    """Return all steps of forward selection, and which of the causes found are adopted.
+
+    If all causes are dropped, effects that they seemed to explain may remain unexplained. So the
+    search is repeated without the dropped causes, until a cause is adopted or none is found.
+    """
+    steps, dropped = list[Step](), list[Dropped]()
+    while True:
+        search, fit = forward_selection(setup, base, effort, clock)
+        steps += search
+        choices = [s.choice for s in search if s.choice is not None]
+        causes = [c for c in choices if not c.term.effect.formal]
+        clock.start("gain", "Testing the candidates on held-out data …")
+        settled = adopted(fit, causes, holdout, seed=setup.seed)
+        dropped += settled.dropped
+        if settled.findings or not settled.dropped:
+            return steps, replace(settled, dropped=tuple(dropped))
+        setup = replace(setup, refuted=tuple(d.name for d in dropped))
 
 
 def forward_selection(

@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 
 from heli3dof.diagnosis import diagnose as module
-from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.result import Dropped
 from heli3dof.experiment.fly import fly_plan
@@ -48,21 +48,29 @@ def test_of_a_step_with_an_implausible_inertia_nothing_is_asserted_without_the_c
     assert result.residual_torques == ()
 
 
-def test_without_an_adopted_cause_the_result_is_the_base_fit(
+def test_a_search_whose_causes_are_dropped_restarts_without_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A fit with causes has a wider prior of implausible inertias. It must not outlive them."""
+    """If it then finds nothing, the result is the base fit. A fit with causes has a wider prior of
+    implausible inertias, which must not outlive them."""
     recording = flown("rich", 30.0, device="mock:?speed=max&hide=stiffness.cable.yaw:0.3", seed=2)
+    searches = list[list[str]]()
 
     def drop_all(fit: Any, choices: Sequence[Any], held: Any, *, seed: int) -> Any:
-        assert [c.term.name for c in choices] == ["stiffness.cable.yaw"]
-        dropped = (Dropped("stiffness.cable.yaw", cast(Any, None)),)
-        return AdoptionResult(fit, (), dropped, cast(Any, None))
+        if not choices:
+            return adopted(fit, choices, held, seed=seed)
+        searches.append([c.term.name for c in choices])
+        dropped = (Dropped(name, cast(Any, None)) for name in searches[-1])
+        return AdoptionResult(fit, (), tuple(dropped), cast(Any, None))
 
     monkeypatch.setattr(module, "adopted", drop_all)
-    fitted = diagnose(recording, quick=True).fitted
-    assert fitted is not None
-    assert fitted.final is fitted.base
+    result = diagnose(recording, quick=True)
+    assert searches[0] == ["stiffness.cable.yaw"]
+    names = [name for search in searches for name in search]
+    assert len(names) == len(set(names)) > 1
+    assert [d.name for d in result.dropped] == names
+    assert result.fitted is not None
+    assert result.fitted.final is result.fitted.base
 
 
 @pytest.mark.accuracy

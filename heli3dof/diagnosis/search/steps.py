@@ -79,7 +79,8 @@ class Step(Screening):
         ``earlier_score``: largest score of the earlier causes (`search.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
-        tried = self.significant_trials(setup, terms_without_score(present, setup.explained_axes))
+        without = (*present, *setup.refuted)
+        tried = self.significant_trials(setup, terms_without_score(without, setup.explained_axes))
         choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
@@ -141,6 +142,7 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
     terms = candidates([t.name for t in problem.structure.terms], setup.explained_axes)
+    terms = [t for t in terms if t.name not in setup.refuted]
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, recorded, plain, scans(terms))
     bias = np.zeros(len(fit.theta))

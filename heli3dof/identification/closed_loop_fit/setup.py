@@ -21,6 +21,8 @@ class Setup:
     """Flights simulated per iteration of the bias correction"""
     base: str = "rigid"
     """Name of the base simulation, a key of `closed_loop_fit.base_fit.BASES`"""
+    refuted: tuple[str, ...] = ()
+    """Names of terms that are no candidates: an earlier search dropped them"""
 
     @property
     def controller_is_known(self) -> bool:
