@@ -8,7 +8,7 @@ The gain of a cause is the decrease of the prediction error if the model contain
 3. Forward selection (`search.select`): a score test against simulated nulls, then full fits of
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped. If all are dropped,
-   step 3 is repeated without them, unless coloured noise explains them (`search_causes`).
+   step 3 is repeated without them.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
    dropped (`conclusion.compensating_causes`).
 """
@@ -41,7 +41,7 @@ from heli3dof.diagnosis.free_run.diagnose_free_run import (
     diagnose_without_likelihood,
     no_likelihood,
 )
-from heli3dof.diagnosis.result import COLOURED, Diagnosis, Dropped
+from heli3dof.diagnosis.result import Diagnosis, Dropped
 from heli3dof.diagnosis.search.steps import (
     Step,
     base_with_forms,
@@ -49,7 +49,6 @@ from heli3dof.diagnosis.search.steps import (
     screening_step,
     with_rivals_that_remain,
 )
-from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import BASES, fit_base
@@ -179,10 +178,8 @@ def search_causes(
 ) -> tuple[list[Step], AdoptionResult]:  # fmt: skip
     """Return all steps of forward selection, and which of the causes found are adopted.
 
-    If all causes are dropped, an effect that they seemed to explain may remain unexplained. So the
-    search is repeated without the dropped causes, until a cause is adopted or none is found. It
-    also ends if coloured noise explains all dropped causes: a further search among so many
-    candidates would find one that fits this noise better by chance.
+    If all causes are dropped, effects that they seemed to explain may remain unexplained. So the
+    search is repeated without the dropped causes, until a cause is adopted or none is found.
     """
     steps, dropped = list[Step](), list[Dropped]()
     while True:
@@ -193,11 +190,7 @@ def search_causes(
         clock.start("gain", "Testing the candidates on held-out data …")
         settled = adopted(fit, causes, holdout, seed=setup.seed)
         dropped += settled.dropped
-        reasons = {d.why for d in settled.dropped}
-        if not settled.findings and reasons == {COLOURED}:
-            fit = base_with_forms(base, settled.fit)  # the base fit has its own bias correction
-            settled = replace(settled, fit=fit, after=held_out(fit, holdout))
-        if settled.findings or reasons <= {COLOURED}:
+        if settled.findings or not settled.dropped:
             return steps, replace(settled, dropped=tuple(dropped))
         setup = replace(setup, refuted=tuple(d.name for d in dropped))
 
