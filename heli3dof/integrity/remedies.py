@@ -36,15 +36,23 @@ def operand(expression: str) -> str:
     return expression if expression.isidentifier() else f"({expression})"
 
 
+def log_remedy(recording: Recording, quantity: str, form: str) -> str:
+    """Return the ``--map`` option of an imported log that corrects ``quantity`` (`column_of`).
+
+    ``form``: the right value, with ``{}`` for the logged one, such as ``-{}``.
+    """
+    column, logged = column_of(recording, quantity)
+    return f"import the log with {as_options({column: form.format(operand(logged))})}"
+
+
 def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) -> str:
     """Return the remedy of an angle: ``form`` for a log, ``in_profile`` for a recorded flight.
 
-    ``form``: the right angle, with ``{}`` for the logged one, such as ``-{}``. ``in_profile``: a
-    setting of the profile, such as ``encoder.yaw = -8192``.
+    ``form``: as of `log_remedy`. ``in_profile``: a setting of the profile, such as
+    ``encoder.yaw = -8192``.
     """
     if is_log(recording):
-        column, logged = column_of(recording, axis)
-        return f"import the log with {as_options({column: form.format(operand(logged))})}"
+        return log_remedy(recording, axis, form)
     return f"set {in_profile} in the profile, and record again"
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from heli3dof.axes import ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.integrity.remedies import angle_remedy, column_of, is_log
+from heli3dof.integrity.remedies import column_of, is_log, log_remedy
 from heli3dof.integrity.view import View
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
@@ -63,7 +63,7 @@ def _remedy(recording: Recording, error_rad: float) -> str:
             "table, and record again"
         )
     in_rad = column_of(recording, "roll")[0].endswith("_rad")
-    return angle_remedy(recording, "roll", f"{{}} - {error_rad if in_rad else error_deg:.4g}", "")
+    return log_remedy(recording, "roll", f"{{}} - {error_rad if in_rad else error_deg:.4g}")
 
 
 CHECKS = (Check("encoder.zero", Stage.VALUES, "roll zeroed on the table instead of level", zero),)

@@ -223,7 +223,7 @@ def replays_table(rig: str) -> str:
 CAUSES = "Causes, strongest first"
 GAIN = "Gain of the extended model: RMSE of 1 s predictions"
 CALIBRATION = "Calibration of the base simulation"
-OF_OTHER_PAGES = ("Kept in the model", "Not identifiable", "encoder.scale", "Next", "For the")
+NOT_QUOTED = ("Kept in the model", "Not identifiable", "encoder.scale", "Next", "For the")
 """Beginnings of sentences of `diagnose` that the case studies do not quote"""
 
 
@@ -240,7 +240,7 @@ def diagnosis_sentences(rig: str) -> str:
     """Returns what the stored output of `diagnose` explains, and what it does not, as a list."""
     text = _diagnosis(rig).split(f"**{CALIBRATION}**\n")[1]
     sentences = (line for line in text.splitlines() if line.startswith("- "))
-    return "\n".join(s for s in sentences if not s[2:].startswith(OF_OTHER_PAGES))
+    return "\n".join(s for s in sentences if not s[2:].startswith(NOT_QUOTED))
 
 
 def _diagnosis(rig: str) -> str:
