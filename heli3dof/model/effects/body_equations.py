@@ -1,4 +1,4 @@
-"""Effects that are another form of the rigid body's equations."""
+"""Effects that are another form of the rigid body's equations; each function sets one form."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def hover(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[LINEAR] = 1.0
 
 
-def geometry(s: Any, par: Any, mem: Any, out: Any) -> None:
+def rigid_body(s: Any, par: Any, mem: Any, out: Any) -> None:
     """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
     q̈ are the angular accelerations of roll r, pitch p, yaw ψ. The parameter a is 0 for the hover
@@ -45,7 +45,7 @@ def geometry(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[LINEAR] *= 1.0 - par[A]
 
 
-def couplings(s: Any, par: Any, mem: Any, out: Any) -> None:
+def uncoupled(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Simplified equations, without the axes' inertia couplings: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
 
     In the complete rigid body, with the accelerations q̈_rigid, the inertia of the bar with the
@@ -61,7 +61,7 @@ def couplings(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[UNCOUPLED] = par[A]
 
 
-def rates(s: Any, par: Any, mem: Any, out: Any) -> None:
+def without_rate_products(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Equations without products of rates: no centrifugal and Coriolis torques.
 
     These equations omit the torques
@@ -77,7 +77,7 @@ def rates(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[WITHOUT_RATE_PRODUCTS] = par[A]
 
 
-def side_thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
+def with_side_thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Simplified equations that keep the yaw torque L_h D sin r of tilted thrusts.
 
     D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
@@ -90,7 +90,7 @@ def side_thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[SIDE_THRUST] = par[A]
 
 
-def yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
+def constant_yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈, ψ the yaw.
 
     With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has J_ψ(r) =
@@ -117,7 +117,7 @@ EFFECTS = (
         name="geometry",
         summary="The rigid body in place of the paper's hover model (with `--base hover`).",
         parameters=(share("a, of the rigid body; 1 all of it"),),
-        hooks={Stage.SETUP: geometry},
+        hooks={Stage.SETUP: rigid_body},
         order=1,
         confused_with=("stiffness.pendulum", "aero.ground_effect"),
         separated_by="large",
@@ -129,7 +129,7 @@ EFFECTS = (
         name="simplified.couplings",
         summary="Inertia couplings are omitted, as in the simplified equations.",
         parameters=(share("κ, of what is omitted; 1 all of it"),),
-        hooks={Stage.SETUP: couplings},
+        hooks={Stage.SETUP: uncoupled},
         confused_with=("stiffness.pendulum",),
         separated_by="large",
         identifiable="pitch and roll off level together",
@@ -140,7 +140,7 @@ EFFECTS = (
         name="simplified.rates",
         summary="Products of rates are omitted, as in the simplest equations.",
         parameters=(share("μ; 1 all of it"),),
-        hooks={Stage.SETUP: rates},
+        hooks={Stage.SETUP: without_rate_products},
         confused_with=("inertia.product",),
         separated_by="large",
         identifiable="fast yaw with roll off level",
@@ -152,7 +152,7 @@ EFFECTS = (
         name="simplified.side_thrust",
         summary="The thrust difference turns a tilted rig, with couplings omitted.",
         parameters=(share("η; 1 all of it"),),
-        hooks={Stage.SETUP: side_thrust},
+        hooks={Stage.SETUP: with_side_thrust},
         confused_with=("aero.reaction_torque",),
         separated_by="large",
         identifiable="pitch moved fast with roll off level",
@@ -164,7 +164,7 @@ EFFECTS = (
         name="simplified.yaw_inertia",
         summary="The inertia about the vertical is constant, as in the simplified equations.",
         parameters=(share("ν, of what is omitted; 1 all of it"),),
-        hooks={Stage.SETUP: yaw_inertia},
+        hooks={Stage.SETUP: constant_yaw_inertia},
         confused_with=("inertia",),
         separated_by="large",
         identifiable="yaw at several roll angles, 10° apart or more",
