@@ -57,8 +57,9 @@ SINGLE = ("step", "drift", "deviating")
 Places = Mapping[str, tuple[tuple[int, ...], ...]]
 UNLIKE = 0.01
 """Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below 1/40,
-the probability of a step in any quantity of a rig. Otherwise, with few flights, a large scatter
-would explain every step."""
+the probability of a step in any quantity of a rig: otherwise, with few flights, a large scatter
+would explain every step. Unlike a step's prior, it is not divided by the number of quantities,
+because a rig that scatters more does so in all of them."""
 LEAST_SIDE = 2
 """Fewest flights on each side of a step: one alone is a deviating flight (a definition)"""
 MOST_BOUNDARIES = 30

@@ -42,9 +42,8 @@ if TYPE_CHECKING:
     from heli3dof.model.linear.model import LinearModel
 
 ACCELERATION = np.array([0.05, 0.15, 0.05])
-"""(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. A compromise: half the
-value reduces the 1 s prediction error by 0.1° on a simulated rig, twice the value by 2 % on real
-rigs."""
+"""(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. Chosen as a compromise: a
+simulated rig needs less noise, a real one more."""
 DRIFT = 0.02
 """rad/√s, drift of the outputs that the process noise of output-error models causes"""
 START = 0.1
