@@ -28,7 +28,11 @@ from heli3dof.errors import RecordingError, quoted
 from heli3dof.identification.row_selection import REASONS, clipped, runs_of, unusable
 from heli3dof.model.estimation.filter_data import LOST, RowRange
 from heli3dof.recording.gap_filling import fill_gaps
-from heli3dof.recording.logs.log_validation import Timing, timing
+from heli3dof.recording.logs.log_validation import (
+    Timing,
+    check_time_increases,
+    timing,
+)
 from heli3dof.recording.recording import Recording
 
 MIN_SAMPLES = 3
@@ -124,15 +128,7 @@ def checked_timing(recording: Recording) -> Timing:
             cause="the flight ended at once, or the log was truncated.",
             fix=f"heli3dof info {quoted(recording.name)}; then repeat the flight",
         )
-    d = np.diff(t)
-    if not np.all(d > 0):
-        k = int(np.argmax(~(d > 0)))
-        raise RecordingError(
-            f"{recording.name}: time does not increase at row {k + 1} "
-            f"({t[k]:.6f} s, then {t[k + 1]:.6f} s).",
-            cause="two logs joined together, rounded time stamps, or a clock that was set back.",
-            fix="heli3dof import the log again, with one flight per file",
-        )
+    check_time_increases(recording.name, t, lambda k: f"row {k + 1}")
     return timing(t)
 
 

@@ -128,7 +128,8 @@ def test_a_nan_is_left_out_and_counted() -> None:
         ),
         (lambda r: _set(r, "angle", np.s_[:], np.nan), "holds no angle"),
         (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant throughout"),
-        (lambda r: _set(r, "t", np.s_[500], r.t[499]), "does not increase at row 500"),
+        (lambda r: _set(r, "t", np.s_[500], r.t[499]), "does not increase at row 501: t_s = "),
+        (lambda r: _set(r, "t", np.s_[500], np.nan), "does not increase at row 501"),
     ],
 )
 def test_an_unusable_recording_is_rejected_with_its_reason(spoil, message) -> None:  # type: ignore[no-untyped-def]

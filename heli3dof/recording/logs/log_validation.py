@@ -96,8 +96,9 @@ def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
     """
     dt = np.diff(t)
-    if (dt <= 0).any():
-        k = int(np.argmax(dt <= 0))
+    wrong = ~(dt > 0)
+    if wrong.any():
+        k = int(np.argmax(wrong))
         same = dt[k] == 0
         if not same and not t[k + 1 :].any():
             raise RecordingError(
