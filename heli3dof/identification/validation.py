@@ -31,6 +31,8 @@ LEAD_IN_S = 10.0
 AFTER_TAKE_OFF_S = 2.0
 """s: time after the first usable row of a flight from the table, without a replay score. A linear
 model does not describe the rise from −27.5° of roll, and its error must decay first."""
+DIVERGED_RAD = 10.0
+"""rad: RMSE from which a replay counts as diverged, more than any angle of a rig. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +56,15 @@ class Metrics:
 
     prediction: dict[float, Score]
     replay: Score
-    replay_note: str
-    """Why there is no replay, or that it diverges; otherwise empty."""
+    no_replay: str
+    """Why there is no replay; empty if there is one"""
+
+    @property
+    def replay_note(self) -> str:
+        """Return why there is no replay, or that it diverges; otherwise an empty text."""
+        if self.no_replay or (self.replay.rmse < DIVERGED_RAD).all():
+            return self.no_replay
+        return "the loop with this model diverges"
 
     def to_json(self) -> dict[str, Any]:
         """Return ``fit_percent`` and ``rmse_deg`` by axis, and why there is no replay, if so.
@@ -191,8 +200,6 @@ def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
 def metrics(model: Model, prepared: Prepared, runs: Sequence[RowRange]) -> Metrics:
     """Return all scores of a model over row ranges ``runs``, usually ``prepared.held_out``."""
     prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
-    note = replay_obstacle(prepared, sorted({r.source for r in runs}))
-    replay = NO_SCORE if note else score(replays(model, prepared, runs))
-    if not note and not (replay.rmse < 10.0).all():
-        note = "the loop with this model diverges"
-    return Metrics(prediction, replay, note)
+    no_replay = replay_obstacle(prepared, sorted({r.source for r in runs}))
+    replay = NO_SCORE if no_replay else score(replays(model, prepared, runs))
+    return Metrics(prediction, replay, no_replay)
