@@ -217,7 +217,7 @@ def folds(trial: Trial) -> list[Figure]:
         gone = [r.term for r in result.removed]
         less = restructured(result.fit.problem, [r.term for r in result.needed])
         z, _ = carried_over(result.fit, less)
-        scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), fixed=result.fit.scale)
+        scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), scale=result.fit.scale)
         errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (result.fit, scarce)]
         out.append(
             Figure(

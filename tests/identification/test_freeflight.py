@@ -18,7 +18,7 @@ from heli3dof.identification.greybox.freeflight import (
     problem_of,
 )
 from heli3dof.identification.greybox.method import DEFAULT_TERMS, has_jitter
-from heli3dof.identification.greybox.multistep import robust, scales
+from heli3dof.identification.greybox.multistep import rms_errors, robust
 from heli3dof.model.model_file import save_model
 from heli3dof.paper.models import load_model
 from heli3dof.recording.recording import Recording
@@ -51,7 +51,7 @@ def test_the_robust_loss_is_quadratic_for_small_errors_and_linear_for_large() ->
 
 def test_the_scale_of_errors_is_their_rms() -> None:
     e = np.array([0.3, -0.3, 0.1, -0.1]).reshape(4, 1, 1) * np.ones((1, 1, 3))
-    np.testing.assert_allclose(scales(e), np.sqrt(0.05))
+    np.testing.assert_allclose(rms_errors(e), np.sqrt(0.05))
 
 
 def test_the_prior_is_loose_on_common_inertia_and_tight_on_ratios() -> None:

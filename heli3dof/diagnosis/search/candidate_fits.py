@@ -42,7 +42,7 @@ from heli3dof.diagnosis.search.screening import Screening
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, Start
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import Optimum, better_noise
+from heli3dof.identification.greybox.maximum_likelihood import Optimum, noise_step
 from heli3dof.model.effects import Term
 from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.estimation.filter_data import Data, with_shifted_time
@@ -302,7 +302,7 @@ def fit_start(
         indices = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
         full[j] = values[best]
         for _ in range(NOISE_ROUNDS):
-            a, moved = better_noise(ext, full, a, ext.free_noise)
+            a, moved = noise_step(ext, full, a, ext.free_noise)
             if moved < NOISE_TOLERANCE:
                 break
     return full, a

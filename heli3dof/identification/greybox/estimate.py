@@ -30,8 +30,8 @@ from heli3dof.identification.greybox.maximum_likelihood import (
     NOISE_START,
     OTHER_ROUNDS,
     Optimum,
-    better_noise,
     maximise,
+    noise_step,
 )
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.filter_data import Data
@@ -191,7 +191,7 @@ def _likeliest_start(
 
 def _loglik_at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
     for _ in range(SETTLING):
-        a, _ = better_noise(problem, theta, a, problem.data.axes)
+        a, _ = noise_step(problem, theta, a, problem.data.axes)
     return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a
 
 

@@ -117,7 +117,7 @@ def maximise(
     turns, last = 0, np.zeros(len(theta))
     for count in range(1, rounds + 1):
         if moved > NOISE_SETTLED or count % 4 == 0:
-            a, moved = better_noise(problem, theta, a, axes)
+            a, moved = noise_step(problem, theta, a, axes)
         if count in JITTER_ROUNDS:
             a = _better_jitter(problem, theta, a)
         at = problem.run(theta, a)
@@ -163,7 +163,7 @@ def maximise(
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
 
-def better_noise(
+def noise_step(
     problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its logarithms, and the largest |step|.

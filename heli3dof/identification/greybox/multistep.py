@@ -60,7 +60,7 @@ SETTLED = 0.03
 NOISE_START = (0.08, 0.15, 0.06)
 """rad/s²/√Hz: process noise on roll, pitch, yaw with which the fit starts"""
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
-"""s: standard deviations of sampling jitter that `better_noise` compares"""
+"""s: standard deviations of sampling jitter that `likeliest_noise` compares"""
 PRIOR_SHARE = 0.7
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable. Chosen."""
 FAR = 3.0
@@ -293,7 +293,7 @@ def robust(u: np.ndarray) -> np.ndarray:
     return np.asarray(np.sign(u) * ROBUST * np.sqrt(2 * (np.sqrt(1 + (u / ROBUST) ** 2) - 1)))
 
 
-def scales(e: np.ndarray) -> np.ndarray:
+def rms_errors(e: np.ndarray) -> np.ndarray:
     """Return the RMS (M, 3) rad of prediction errors e (S, M, 3) rad: S starts, M horizons, 3 axes.
 
     Errors above 1 rad count as 1 rad. Errors that are exactly 0, as on axes that were not measured,
@@ -311,7 +311,7 @@ def search(
     *,
     stages_s: Sequence[Sequence[float]] = STAGES_S,
     rounds: int = ROUNDS,
-    fixed: np.ndarray | None = None,
+    scale: np.ndarray | None = None,
     progress: Progress | None = None,
 ) -> MultiStepFit:
     """Return the fit that minimises the prediction errors, searched from ``start`` (dim,).
@@ -319,8 +319,8 @@ def search(
     ``problem`` contains the flights and the model structure, ``start`` scaled parameters.
     ``stages_s`` are the horizons (s) of successive minimisations, each of at most ``rounds``
     iterations. ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and
-    jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale the residuals. If ``noise`` is
-    None, each stage estimates the noise; if ``fixed`` is None, each stage estimates the RMS errors.
+    jitter (s). ``scale`` (M, 3) rad are the RMS errors by which the residuals are divided. If
+    ``noise`` or ``scale`` is None, each stage estimates it.
     ``progress`` gets a line per iteration.
     """
     p = problem
@@ -329,8 +329,8 @@ def search(
     count = 0
     for stage in stages_s:
         if noise is None:
-            a = better_noise(p, z, a)
-        scale = scales(np.concatenate(p.errors(z, a, stage))) if fixed is None else fixed
+            a = likeliest_noise(p, z, a)
+        s = rms_errors(np.concatenate(p.errors(z, a, stage))) if scale is None else scale
 
         def report(
             n: int, start_cost: float, here: float, last: float = stage[-1], before: int = count
@@ -340,10 +340,10 @@ def search(
                     f"horizon {last:g} s, round {before + n}: cost {start_cost:.0f} → {here:.0f}"
                 )
 
-        v = least_squares_problem(p, a, stage, scale)
+        v = least_squares_problem(p, a, stage, s)
         found = descend(v, z, rounds=rounds, settled=SETTLED, progress=report)
         z, count = found.z, count + found.rounds
-    return MultiStepFit(p, z, a, scale, found.cost, found.tangents, count, found.settled)
+    return MultiStepFit(p, z, a, s, found.cost, found.tangents, count, found.settled)
 
 
 def least_squares_problem(
@@ -365,7 +365,7 @@ def least_squares_problem(
     return LeastSquares(residuals, p.start, p.prior, *p.bounds, DIFFERENCE)
 
 
-def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
+def likeliest_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise (4,) with the highest likelihood of the filter, searched from ``a`` (4,).
 
     The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The

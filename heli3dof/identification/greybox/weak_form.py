@@ -187,7 +187,7 @@ def residuals(
     return [np.concatenate(e) for e in found]
 
 
-def scales(e: np.ndarray) -> np.ndarray:
+def robust_std(e: np.ndarray) -> np.ndarray:
     """Return 1.48 × the median |e| of each axis (3,), from errors e (n, 3).
 
     Zeros are ignored, because they are the errors of axes that were not measured.
@@ -213,7 +213,7 @@ def weak_start(
     for n in range(ROUNDS):
         if progress is not None:
             progress(f"initial values by the weak form, round {n + 1} of {ROUNDS}")
-        scale = [scales(e) for e in residuals(problem, logs, z)]
+        scale = [robust_std(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
     return np.asarray(z)
 

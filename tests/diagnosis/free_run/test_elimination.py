@@ -124,7 +124,7 @@ def test_a_refit_without_a_term_keeps_the_scale_and_reaches_the_optimum() -> Non
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     less = refit(full, "bias.torque.yaw")
     assert (less.scale == full.scale).all()
-    optimum = search(less.problem, less.z, full.noise, stages_s=(STAGE_S,), fixed=full.scale)
+    optimum = search(less.problem, less.z, full.noise, stages_s=(STAGE_S,), scale=full.scale)
     assert less.cost == pytest.approx(optimum.cost, abs=0.1)
 
 

@@ -10,7 +10,7 @@ from scipy import integrate
 from scipy.stats import norm
 
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import better_noise
+from heli3dof.identification.greybox.maximum_likelihood import noise_step
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.estimation.quantised_measurement import interval, rate_event
 from heli3dof.model.physics.parametrisation import Structure
@@ -99,7 +99,7 @@ def test_the_noise_is_found_whether_the_encoder_moves_or_all_but_rests(amplitude
     theta = problem.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
     a = np.array([0.03, 0.03, 0.03, 0.0])
     for _ in range(8):
-        a, _moved = better_noise(problem, theta, a, np.array([True, False, False]))
+        a, _moved = noise_step(problem, theta, a, np.array([True, False, False]))
     assert 0.7 < a[0] / 0.006 < 1.5
 
 
