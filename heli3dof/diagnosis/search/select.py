@@ -20,9 +20,10 @@ scanned. The rules (`best_choice`):
 3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs a
-   score of at least min(`MIN_SHARE` · largest earlier score, `SUFFICIENT`). An inertia off nominal
-   counts as an earlier cause: the position of the additional mass is unknown, so its formula is
-   inexact, too. Other forms of the body's equations (``formal`` effects) are exempt from this rule.
+   score of at least min(`MIN_FURTHER_SCORE` · largest earlier score, `SUFFICIENT`). An inertia off
+   nominal counts as an earlier cause: the position of the additional mass is unknown, so its
+   formula is inexact, too. Other forms of the body's equations (``formal`` effects) are exempt from
+   this rule.
 """
 
 from __future__ import annotations
@@ -47,9 +48,10 @@ MAX_FITS = 10
 """Most screened terms fitted per step. Chosen; not derived."""
 FORMULA_ERROR = 0.03
 """Relative error of a score caused by an inexact formula of an effect. Chosen; not derived."""
-MIN_SHARE = 0.1
-"""Least Z² for a full fit, relative to the largest Z²; least score of a further cause, relative to
-the largest earlier score. Chosen."""
+MIN_FITTED_Z2 = 0.1
+"""Least Z² of a term for a full fit, relative to the largest Z². Chosen; not derived."""
+MIN_FURTHER_SCORE = 0.1
+"""Least score of a further cause, relative to the largest earlier score. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
     """Return at most `MAX_FITS` terms to fit; none if no Z² reaches `Nulls.threshold`."""
     if not s.ranked or s.ranked[0][1] < s.nulls.threshold:
         return []
-    return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_SHARE * s.ranked[0][1]]
+    return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_FITTED_Z2 * s.ranked[0][1]]
 
 
 def best_choice(
@@ -119,7 +121,7 @@ def best_choice(
     if not qualified:
         return None
     k = qualified[0]
-    floor = -np.inf if earlier_score is None else min(MIN_SHARE * earlier_score, SUFFICIENT)
+    floor = -np.inf if earlier_score is None else min(MIN_FURTHER_SCORE * earlier_score, SUFFICIENT)
     if fits[k].score < floor:
         formal = [i for i in qualified if fits[i].term.effect.formal]
         if not formal:

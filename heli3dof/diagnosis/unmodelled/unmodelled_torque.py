@@ -18,8 +18,9 @@ which leaves r degrees of freedom.
    distribution, which gives the threshold.
 3. A group is accepted if its x exceeds the threshold, even with S/(κρ) in place of S/κ. ρ ≥ 1 is
    the ratio by which coloured noise increases S (`torque_evidence`). Its torque must also explain
-   more than `MIN_SHARE` of the variance of the axis's residual torque. Of several such groups, that
-   with the largest x is taken. For this choice, `TIE` is added to the x of functions of time.
+   more than `MIN_VARIANCE_SHARE` of the variance of the axis's residual torque. Of several such
+   groups, that with the largest x is taken. For this choice, `TIE` is added to the x of functions
+   of time.
 4. The accepted torque is projected out, and the test is repeated.
 
 A torque that depends on time only is slow noise, such as a draught's: it is projected out like the
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 
 ALTERNATIVE_SHARE = 0.5
 """Share of the best variable's x from which a variable is reported as alternative. Chosen."""
-MIN_SHARE = 0.05
+MIN_VARIANCE_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 TORQUE_FALSE_ALARMS = 0.0005
 """Probability of a false residual torque in a search. Chosen low; the threshold that it requires is
@@ -171,7 +172,7 @@ def _next_torque(
     significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
     for q in with_time_first(significant, evidence.library, tests.x):
         torque = _residual_torque(evidence.flight, evidence.library, tests, q)
-        if torque.share > MIN_SHARE:
+        if torque.share > MIN_VARIANCE_SHARE:
             D = _traces(evidence, nuisance, q)
             if _exceeds_coloured_noise(
                 evidence, nuisance, tests, q, torque, D, is_coloured=is_coloured
