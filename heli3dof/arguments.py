@@ -43,12 +43,7 @@ Given = Mapping[str, Any]
 def converted(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return ``function`` with its arguments converted by `CONVERSIONS`."""
     signature = inspect.signature(function)
-    # The `model` of `diagnosis_document` is the name of a file: it is not converted.
-    names = [
-        name
-        for name in CONVERSIONS
-        if name in signature.parameters and signature.parameters[name].annotation != "str | None"
-    ]
+    names = [name for name in CONVERSIONS if name in signature.parameters]
     if not names:
         return function
 
@@ -149,10 +144,9 @@ def _model(name: str, value: Any, given: Given) -> Any:
 
 
 def _models(name: str, value: Any, given: Given) -> Any:
-    """Return a list of models; or, if ``value`` contains a text, a function: recording → this list.
+    """Return a function: recording → models; a ``value`` that is a function is returned unchanged.
 
-    A text names a built-in model or a file. The function makes a built-in model for the recording's
-    profile. A ``value`` that is a function is returned unchanged.
+    The function makes a built-in model for the recording's profile.
     """
     if callable(value):
         return value
@@ -163,8 +157,8 @@ def _models(name: str, value: Any, given: Given) -> Any:
         rig = {} if recording is None else {"profile": recording.profile}
         return [_model(f"{name}[{k}]", model, rig) for k, model in enumerate(several)]
 
-    checked = models(None)
-    return models if any(isinstance(model, str) for model in several) else checked
+    models(None)  # an unusable argument is an error of this call
+    return models
 
 
 def _seed(name: str, value: Any, given: Given) -> int:

@@ -33,9 +33,9 @@ from heli3dof.model.greybox.linearisation import LevelHover, level_hover
 
 
 def diagnosis_document(
-    d: Diagnosis, model: str | None = None, upcoming: NextExperiment | None = None
+    d: Diagnosis, model_file: str | None = None, upcoming: NextExperiment | None = None
 ) -> dict[str, Any]:
-    """Return the JSON document of a diagnosis; ``model`` is the extended model's path, or None.
+    """Return the JSON document of a diagnosis; ``model_file``: path of the extended model.
 
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
     catalogue's recommendation for the first confounded cause. Besides the keys of
@@ -75,7 +75,7 @@ def diagnosis_document(
         ],
         "next_experiment": following,
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
-        "model": model,
+        "model": model_file,
         "integrity": [x.to_dict() for x in d.integrity],
         "dropped": [{"effect": x.name, "why": x.why, "gain": _gain(x.gain)} for x in d.dropped],
         "about": about,
