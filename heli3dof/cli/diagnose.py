@@ -100,8 +100,8 @@ def diagnose(
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)
     document = to_document(result, written, upcoming)
-    if (exercises := _exercises([*train, *test])) is not None:
-        document["about"]["exercises"] = exercises
+    if (ids := _exercise_ids([*train, *test])) is not None:
+        document["about"]["exercises"] = ids
     document["about"] |= rig_to_fly([*train, *test])
     show_diagnosis(out, document, verbose=verbose)
     if written is not None:
@@ -130,7 +130,7 @@ def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
     return {key: value for key, value in entries.items() if value}
 
 
-def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
+def _exercise_ids(recordings: Sequence[Recording]) -> list[str | None] | None:
     """Return a list: for each recording the id of its rig's exercise, or None for another rig.
 
     An exercise is a rig with hidden effects, for students. If no recording is of an exercise, the
@@ -139,10 +139,10 @@ def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
     from heli3dof.rig.sealed_rig import exercise_of
 
     identities = [r.meta.get("identity") for r in recordings]
-    exercises = [
+    ids = [
         exercise_of(str(i.get("serial"))) if isinstance(i, Mapping) else None for i in identities
     ]
-    return exercises if any(exercises) else None
+    return ids if any(ids) else None
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:

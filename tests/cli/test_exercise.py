@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from heli3dof.cli.diagnose import _exercises
+from heli3dof.cli.diagnose import _exercise_ids
 from heli3dof.cli.exercise import _holdout, _table
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.cli.running import Result, heli3dof
@@ -58,8 +58,8 @@ def test_the_whole_round(lab: Class) -> None:
     assert lab.fly().code == 0
     recording = read_recording(lab.flight)
     exercise = lab.made.document["exercise"]
-    assert _exercises([recording, replace(recording, meta={})]) == [exercise, None]
-    assert _exercises([replace(recording, meta={})]) is None
+    assert _exercise_ids([recording, replace(recording, meta={})]) == [exercise, None]
+    assert _exercise_ids([replace(recording, meta={})]) is None
 
     (hidden,) = lab.truth["causes"]
     value = next(iter(hidden["parameters"].values()))
@@ -184,7 +184,7 @@ def test_answers_of_the_same_name_are_told_apart_by_their_files() -> None:
     assert cells == ["Ada", "Bob\n(1.json)", "bob\n(2.json)", "Bob\n(3.json)"]
 
 
-def test_the_marks_of_several_exercises_break_no_id_and_no_name_at_80_columns() -> None:
+def test_the_marks_of_several_exercise_ids_break_no_id_and_no_name_at_80_columns() -> None:
     row = {
         "exercise": "3f9a2b7c1d4e", "reason": None, "name": "Annemarie Schwarzenbach",
         "file": "a.json", "right": [], "hidden": [{"name": "motor.lag"}],
