@@ -225,10 +225,9 @@ class NullDistance(NamedTuple):
     """Distance of a term's first parameter θ from its value θ_0 without the effect."""
 
     u: float
-    """(θ − θ_0)/σ; ∞ on a logarithmic scale"""
-    value: float
-    std: float
-    """θ and σ; of the scaled value on a logarithmic scale, 0 for one that varies by recording"""
+    """(θ − θ_0)/σ; ∞ on a logarithmic scale, which has no θ_0"""
+    estimate: tuple[float, float] | None
+    """Scaled value of θ and its σ; None if θ varies by recording"""
     mostly_prior: bool = False
 
 
@@ -246,7 +245,9 @@ def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
     one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
     significant = one_sign and not (a.mostly_prior or b.mostly_prior)
     significant = significant and min(abs(a.u), abs(b.u)) >= NORMAL.inv_cdf(LEVEL)
-    return are_of_equal_size((a.value, a.std), (b.value, b.std)), significant
+    if a.estimate is None or b.estimate is None:
+        return True, significant
+    return are_of_equal_size(a.estimate, b.estimate), significant
 
 
 def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
@@ -258,13 +259,12 @@ def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
     if j is None:
         return None
     f, mostly_prior = fit.structure.free[j], bool(fit.mostly_prior[j])
+    z, std = float(fit.z[j]), float(np.sqrt(fit.scaled_covariance[j, j]))
     if f.log:
-        std = float(np.sqrt(fit.scaled_covariance[j, j]))
-        return NullDistance(math.inf, float(fit.z[j]), std, mostly_prior)
+        return NullDistance(math.inf, (z, std), mostly_prior)
     if f.name in fit.problem.varying:
-        return NullDistance(equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0)
-    value, std = float(fit.values[j]), float(fit.std[j])
-    return NullDistance((value - f.null) / std, value, std, mostly_prior) if std > 0 else None
+        return NullDistance(equivalent_deviation(*chi_squared(fit, j)), None)
+    return NullDistance((z - f.scaled(f.null)) / std, (z, std), mostly_prior) if std > 0 else None
 
 
 def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
