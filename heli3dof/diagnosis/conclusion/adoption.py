@@ -176,7 +176,7 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     if choice.term.effect.of_base:
         return math.inf
     rho = float(fit.coloured_noise_factor[first_parameters(fit.free)[choice.term.name]])
-    return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
+    return math.inf if rho <= 1 else choice.candidates[0].statistic / rho / choice.threshold
 
 
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:

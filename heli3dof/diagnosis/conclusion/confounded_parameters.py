@@ -148,20 +148,20 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
-    def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return ranges (least, most) of the size α of probe ``i``, at most one per sign of α.
+    def size_ranges(i: int, size: float) -> list[tuple[float, float]]:
+        """Return ranges (least, most) of α for the probe ``i`` of this ``size``, one per sign of α.
 
         With α in a range, the probe's effect alone explains a wrong K_f: the parameters corrected
         for it give a K_f within the profile's tolerance.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
-        largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
+        largest = LARGE * p.term.effect.parameters[0].typical / abs(size)
         sizes = np.linspace(0.0, largest, SIZES)[1:]
         by_sign = [[s * a for a in sizes if abs(log_k(s * a, b)) < limit] for s in (1.0, -1.0)]
         return [(a[0], a[-1]) for a in by_sign if a]
 
-    grow = [i for i, p in enumerate(screen.plain) if p.grows]
-    return plausible_terms(step, ((i, *a) for i in grow for a in size_ranges(i)))
+    sizes = [(i, p.size) for i, p in enumerate(screen.plain) if p.size is not None]
+    return plausible_terms(step, ((i, *a) for i, size in sizes for a in size_ranges(i, size)))
 
 
 def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
@@ -176,7 +176,7 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
         p = screen.plain[i]
         if (
             p.term.effect.formal
-            or not p.grows
+            or p.size is None
             or not np.isfinite(screen.v[i])
             or (least < 0 and one_sided(p))
         ):

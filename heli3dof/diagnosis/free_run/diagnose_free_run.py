@@ -247,7 +247,7 @@ def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
     (term,) = terms([r.term])
     values = {n: (float(x["value"]), float(x["std"])) for n, x in sizes(fit, r.term).items()}
     score = (w.value / w.std) ** 2 if w.std > 0 else 0.0
-    choice = Choice(term, score, score, confidence(result, r), r.tied_with, ())
+    choice = Choice(term, score, confidence(result, r), r.tied_with, ())
     return Finding(choice, values, gained, fit.noise)
 
 

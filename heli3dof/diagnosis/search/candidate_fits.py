@@ -69,10 +69,15 @@ class CandidateFit:
     optimum: Optimum
     score: float
     """2 Δℓ_c/κ − m ln N"""
-    Z2: float
-    """Z² of the term's probe ``probe``; the score for a term without a score test"""
+    Z2: float | None
+    """Z² of the term's probe ``probe``; None for a term without a score test"""
     probe: int | None
     """Index of the term's probe with the largest Z²; None for a term without a score test"""
+
+    @property
+    def statistic(self) -> float:
+        """Return what the threshold of Z² limits: Z², or without a score test the score."""
+        return self.score if self.Z2 is None else self.Z2
 
 
 @dataclass(frozen=True)
@@ -187,7 +192,7 @@ def fit_candidates(
         )
         new = ext.structure.free[len(o.theta) :]
         slope, theta_0 = np.zeros(len(new)), start[len(o.theta) :].copy()
-        if i < len(screen.plain) and screen.plain[i].grows and np.isfinite(screen.v[i]):
+        if i < len(screen.plain) and screen.plain[i].size is not None and np.isfinite(screen.v[i]):
             raw = nulls.mean[i] * np.sqrt(screen.v[i]) + screen.solved[:, i] @ bias
             per = raw / screen.plain[i].size
             if new[0].log:  # slope along the logarithm of an effect that grows linearly from zero
@@ -226,7 +231,7 @@ def fit_candidates(
         score_bias = ScoreBias(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
         fit = maximise_corrected(ext, start, noise, score_bias)
         score = scored(term, fit)
-        return None if score is None else CandidateFit(term, ext, fit, score, score, None)
+        return None if score is None else CandidateFit(term, ext, fit, score, None, None)
 
     fits = [f for f in parallel_map(trial, len(tried), what="fits") if f is not None]
     best = max((f.score for f in fits), default=0.0)
@@ -267,7 +272,7 @@ def start_at_probe(
     new = ext.structure.free[len(current.free) :]
     guess = list(probe.values)
     first = new[0]
-    if not first.log and first.low < first.null < first.high:
+    if probe.size is not None and not first.log and first.low < first.null < first.high:
         guess[0] = first.null + float(np.clip(unbiased, 0.0, 1.5) * result.amplitude[i])
     inside = []
     for v, f in zip(guess, new, strict=True):

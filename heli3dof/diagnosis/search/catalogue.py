@@ -34,25 +34,29 @@ class Probe:
         return self.term.name
 
     @property
-    def grows(self) -> bool:
-        """Return True if the effect grows with its first parameter; False for a voltage limit."""
-        return not self.term.effect.probe_quantiles
+    def size(self) -> float | None:
+        """Return the first parameter minus its null value (no effect); None for a voltage limit.
 
-    @property
-    def size(self) -> float:
-        """Return the first parameter minus its null value (no effect); −1 for a voltage limit."""
-        return self.values[0] - self.term.effect.parameters[0].null if self.grows else -1.0
+        A limit has no size: its effect does not grow with its parameter.
+        """
+        effect = self.term.effect
+        return None if effect.probe_quantiles else self.values[0] - effect.parameters[0].null
 
 
-def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
-    """Return the candidate terms on the measured ``axes``, except the fit's terms ``without``."""
+def candidates(
+    present: Sequence[str] = (), axes: Sequence[str] = AXES, refuted: Sequence[str] = ()
+) -> list[Term]:
+    """Return the candidate terms on the measured ``axes``, except ``refuted`` ones.
+
+    ``present``: terms of the fit. They are no candidates, and other effects may require them.
+    """
     out = []
     for effect in effects().values():
         if not (effect.candidate and effect.screened and effect.parameters):
             continue
-        if any(n and n not in without for n in (effect.within, effect.requires)):
+        if any(n and n not in present for n in (effect.within, effect.requires)):
             continue
-        out += on_each_axis(effect, axes, without)
+        out += on_each_axis(effect, axes, (*present, *refuted))
     return out
 
 

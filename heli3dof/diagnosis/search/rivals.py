@@ -59,8 +59,8 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     others = [c for c in choice.candidates[1:] if c.probe is not None]
     if best.probe is None or not others:
         return []
-    least = MIN_RELATIVE_Z2 * max(c.Z2 for c in [best, *others])
-    close = sorted((c for c in others if least < c.Z2), key=lambda c: -c.Z2)
+    least = MIN_RELATIVE_Z2 * max(c.statistic for c in [best, *others])
+    close = sorted((c for c in others if least < c.statistic), key=lambda c: -c.statistic)
     compared = [best, *close[: MAX_COMPARED - 1]]
     return compared if close and max(relative_bias(nulls, compared)) > SIGMAS_997 else []
 
@@ -102,7 +102,7 @@ def compared_by_simulation(
     k = int(np.argmax(least_odds(W)))
     best = replace(compared[k], optimum=fits[k].optimum)
     m = sum(f.term == best.term.name for f in best.problem.structure.free)
-    best = replace(best, score=best.Z2 - bic_penalty(m, best.optimum.at))
+    best = replace(best, score=best.statistic - bic_penalty(m, best.optimum.at))
     refuted = [j for j in range(len(compared)) if j != k and W[k, j] >= TIE]
     certain = certainty([0.0, *(-W[k, refuted])])
     names = [c.term.name for c in compared]
@@ -111,7 +111,7 @@ def compared_by_simulation(
         tied += [n for n in choice.tied_with if n not in names]
     others = [c for c in choice.candidates if c.term.name != best.term.name]
     return Choice(
-        best.term, best.score, best.Z2, min(nulls.confidence(best.Z2), certain), tuple(tied),
+        best.term, best.score, min(nulls.confidence(best.statistic), certain), tuple(tied),
         (best, *others), choice.threshold, by_flights=True,
     )  # fmt: skip
 

@@ -51,7 +51,8 @@ class ScreenResult:
     z: np.ndarray
     """(P,)"""
     amplitude: np.ndarray
-    """(P,) estimated distance of the first parameter from its null value, in its unit"""
+    """(P,) estimated distance of the first parameter from its null value, in its unit; NaN for a
+    voltage limit"""
 
 
 LEAST_INFORMATION = 1e-12
@@ -126,7 +127,7 @@ class Screen:
                 u[rows] += m @ mu[0]
                 u[rows] -= np.einsum("pbi,bi->p", m0, z0[0][:, :3] / evaluation.path.slope)
         root = np.sqrt(self.v)
-        size = np.array([p.size for p in self.plain])
+        size = np.array([np.nan if p.size is None else p.size for p in self.plain])
         z, amplitude = [*(u / root)], [*(u / self.v * size)]
         probes = list(self.plain)
         for scan, information in zip(self.scans, self.scan_informations, strict=True):

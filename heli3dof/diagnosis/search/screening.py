@@ -69,7 +69,7 @@ class Screening:
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
             share = SIGMAS_997 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
-            if not p.grows:  # a limit is identifiable if the recordings reach it
+            if p.size is None:  # a limit is identifiable if the recordings reach it
                 share = 0.0 if np.isfinite(v) else np.inf
             best[p.name] = min(best.get(p.name, np.inf), share)
         return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
@@ -87,14 +87,14 @@ class Screening:
     def _sigma(self) -> np.ndarray:
         """Return the standard deviation of every probe's first parameter; scans are omitted."""
         plain, v = self.screen.plain, self.screen.v
-        size = np.array([p.size if p.grows else np.inf for p in plain])
+        size = np.array([np.inf if p.size is None else p.size for p in plain])
         information = np.maximum(np.where(np.isfinite(v), v, 0.0) / size**2, 1e-300)
         return np.asarray(self.nulls.std[: len(plain)] / np.sqrt(information))
 
 
 def one_sided(probe: Probe) -> bool:
     """Return True if a rig can have the probe's effect with one sign only."""
-    if probe.term.effect.scan or not probe.grows:
+    if probe.term.effect.scan or probe.size is None:
         return True
     q = probe.term.effect.parameters[0]
     return q.null - q.low < ONE_SIDED * (q.high - q.null)

@@ -60,7 +60,6 @@ class Choice:
 
     term: Term
     score: float
-    Z2: float
     confidence: float
     tied_with: tuple[str, ...]
     candidates: tuple[CandidateFit, ...]
@@ -115,7 +114,7 @@ def best_choice(
     def qualifies(f: CandidateFit) -> bool:
         least = nulls.threshold_of(f.term)
         confounded = fits[0].score - f.score < tie_margin(s, fits[0], f)
-        return least <= f.Z2 and (confounded or least <= f.score)
+        return least <= f.statistic and (confounded or least <= f.score)
 
     qualified = [i for i, f in enumerate(fits) if qualifies(f)]
     if not qualified:
@@ -133,10 +132,8 @@ def best_choice(
     confounded = tuple(f.term.name for f in (*above, *close))
     # The probability that the cause is the chosen one or one confounded with it.
     apart = [f.score for f in below if f not in close]
-    probability = min(nulls.confidence(best.Z2), certainty([best.score, *apart, 0.0]))
-    return Choice(
-        best.term, best.score, best.Z2, probability, confounded, tuple(fits), nulls.threshold,
-    )  # fmt: skip
+    probability = min(nulls.confidence(best.statistic), certainty([best.score, *apart, 0.0]))
+    return Choice(best.term, best.score, probability, confounded, tuple(fits), nulls.threshold)
 
 
 def certainty(scores: Sequence[float]) -> float:

@@ -127,7 +127,7 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
         choice = s.choice
         if choice is not None:
             others = choice.candidates[1:]
-            remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.Z2)
+            remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.statistic)
             choice = with_ties(choice, remain)
         out.append(replace(s, choice=choice))
     return out
@@ -141,8 +141,8 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     """
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
-    terms = candidates([t.name for t in problem.structure.terms], setup.explained_axes)
-    terms = [t for t in terms if t.name not in setup.refuted]
+    present = [t.name for t in problem.structure.terms]
+    terms = candidates(present, setup.explained_axes, setup.refuted)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, recorded, plain, scans(terms))
     bias = np.zeros(len(fit.theta))
@@ -174,7 +174,7 @@ def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
 
     Its Z² and its score must both reach the threshold of ``choice``.
     """
-    return other.term.effect.formal and min(other.Z2, other.score) >= choice.threshold
+    return other.term.effect.formal and min(other.statistic, other.score) >= choice.threshold
 
 
 def with_forms(

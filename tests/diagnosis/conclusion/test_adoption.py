@@ -36,7 +36,7 @@ def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
         CandidateFit(terms([n.replace("__", ".")])[0], NONE, NONE, s, s, 0)
         for n, s in others.items()
     )
-    return Choice(fits[0].term, score, score, 0.5, tied, fits)
+    return Choice(fits[0].term, score, 0.5, tied, fits)
 
 
 def gained(value: float, low: float, less_deg: float = -0.001) -> Any:
@@ -121,7 +121,7 @@ def found_with(rho: float) -> Any:
 
 
 def test_coloured_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
-    drag = replace(choice(176.0, (), drag__quadratic__yaw=176.0), Z2=60.0, threshold=20.0)
+    drag = replace(choice(60.0, (), drag__quadratic__yaw=60.0), threshold=20.0)
     assert coloured_noise_margin(found_with(1.5), drag) == pytest.approx(2.0)
     assert coloured_noise_margin(found_with(6.0), drag) == pytest.approx(0.5)
     assert coloured_noise_margin(found_with(1.0), drag) == float("inf")
@@ -141,7 +141,7 @@ def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFF
     own = CandidateFit(terms([of])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0)
     other = CandidateFit(terms([first])[0], NONE, NONE, 95.0, 95.0, 0)
     fits = (own,) if first == of else (other, own)
-    return Choice(fits[0].term, 95.0, 95.0, 1.0, tied, fits)
+    return Choice(fits[0].term, 95.0, 1.0, tied, fits)
 
 
 def fit_of(**sizes: float) -> Any:

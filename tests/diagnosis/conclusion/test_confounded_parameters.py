@@ -196,7 +196,7 @@ def off(name: str, ratio: float) -> OffNominal:
 
 
 def finding(name: str, value: float) -> Finding:
-    choice = Choice(term(name), 100.0, 100.0, 1.0, ("bias.torque.yaw",), ())
+    choice = Choice(term(name), 100.0, 1.0, ("bias.torque.yaw",), ())
     (p, *_) = choice.term.effect.parameters
     return Finding(choice, {p.name: (value, 0.1)}, cast(Any, SimpleNamespace()), cast(Any, None))
 

@@ -31,7 +31,7 @@ def choice_of(*scores: float, tied: tuple[str, ...] = ()) -> Choice:
         CandidateFit(t, NONE, NONE, s, 50.0, i)
         for i, (t, s) in enumerate(zip(terms(NAMES), scores, strict=False))
     )
-    return Choice(fits[0].term, scores[0], 50.0, 1.0, tied, fits)
+    return Choice(fits[0].term, scores[0], 1.0, tied, fits)
 
 
 @pytest.fixture

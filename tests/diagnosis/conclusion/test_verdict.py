@@ -36,7 +36,7 @@ def off(*tied: str) -> OffNominal:
 
 def finding(*tied: str) -> Any:
     cause = terms(["motor.lag"])[0]
-    choice = Choice(cause, 50.0, 60.0, 1.0, tied, ())
+    choice = Choice(cause, 50.0, 1.0, tied, ())
     return Finding(choice, {}, cast(Any, None), np.zeros(4))
 
 
@@ -237,7 +237,7 @@ def test_no_plan_separates_inertias_from_a_thrust_gain() -> None:
 
 def test_a_named_cause_is_identifiable() -> None:
     none = cast(Any, None)
-    drag = Choice(term("drag.quadratic.roll"), 1144.0, 175.0, 1.0, ("friction.viscous.roll",), ())
+    drag = Choice(term("drag.quadratic.roll"), 1144.0, 1.0, ("friction.viscous.roll",), ())
     causes = [
         Finding(drag, {}, none, none), OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0, 1.0),
     ]  # fmt: skip

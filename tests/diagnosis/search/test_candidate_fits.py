@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.search.candidate_fits import fit_start, trials
+from heli3dof.diagnosis.search.candidate_fits import CandidateFit, fit_start, trials
 from heli3dof.diagnosis.search.catalogue import terms_without_score
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
@@ -66,6 +66,12 @@ def test_the_grid_is_climbed_while_the_likelihood_rises() -> None:
     (trial,) = trials(problem, np.zeros(0), np.zeros(4), terms_without_score((), ("yaw",)))
     assert (trial.value, trial.gain) == (0.9, 191)
     assert tried == [0.0, 0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6]  # the base first
+
+
+def test_the_score_of_a_term_without_a_score_test_is_compared_with_the_threshold() -> None:
+    none = cast(Any, None)
+    assert CandidateFit(none, none, none, 50.0, None, None).statistic == 50.0
+    assert CandidateFit(none, none, none, 50.0, 9.0, 0).statistic == 9.0
 
 
 def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:

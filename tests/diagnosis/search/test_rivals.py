@@ -44,11 +44,11 @@ def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None
 
 
 def candidate(name: str, Z2: float, probe: int | None) -> Any:
-    return SimpleNamespace(term=SimpleNamespace(name=name), Z2=Z2, probe=probe, score=10 * Z2)
+    return SimpleNamespace(term=SimpleNamespace(name=name), statistic=Z2, probe=probe)
 
 
 def choice(*candidates: Any) -> Choice:
-    return Choice(candidates[0].term, 100.0, candidates[0].Z2, 1.0, (), tuple(candidates))
+    return Choice(candidates[0].term, 100.0, 1.0, (), tuple(candidates))
 
 
 def nulls(*mean: float) -> Any:

@@ -90,6 +90,16 @@ def test_the_rotor_curve_is_a_candidate_only_with_motor_lag() -> None:
     assert "motor.rotor_curve" in {t.name for t in candidates(["motor.lag"])}
 
 
+def test_a_refuted_term_is_no_candidate_and_lets_no_other_effect_in() -> None:
+    names = {t.name for t in candidates(refuted=["motor.lag"])}
+    assert not names & {"motor.lag", "motor.rotor_curve"}
+
+
+def test_a_voltage_limit_has_no_size() -> None:
+    V = np.linspace(0.0, 12.0, 100).repeat(2).reshape(-1, 2)
+    assert {p.size for p in probes(term("motor.saturation"), V)} == {None}
+
+
 def test_base_parameters_and_existing_terms_are_not_candidates() -> None:
     names = {t.effect.name for t in candidates()}
     assert not names & {"inertia", "mass.imbalance", "motor.thrust_gain"}

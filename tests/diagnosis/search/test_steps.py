@@ -64,7 +64,7 @@ def step_of(*candidates: tuple[str, float, float], remaining: dict[str, float]) 
     """A step whose candidates (name, score, Z²) are given, the chosen one first, and all Z²."""
     fits = tuple(CandidateFit(term(n), NONE, NONE, score, Z2, 0) for n, score, Z2 in candidates)
     best = fits[0] if fits else None
-    choice = best and Choice(best.term, best.score, best.Z2, 1.0, (), fits, NULLS.threshold)
+    choice = best and Choice(best.term, best.score, 1.0, (), fits, NULLS.threshold)
     step = Step(NONE, NONE, NONE, NULLS, NONE, choice)
     vars(step)["ranked"] = [(term(n), Z2, 0) for n, Z2 in remaining.items()]
     return step
