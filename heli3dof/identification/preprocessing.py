@@ -166,7 +166,7 @@ def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = 
     else:
         train, test = [], []
         for found in runs:
-            a, b = _split(found, HELD_OUT_SHARE)
+            a, b = _split(found)
             train += a
             test += b
         split = (
@@ -262,9 +262,9 @@ def _common_period(recordings: Sequence[Recording]) -> float:
     return nominal if abs(period / nominal - 1) < 1e-3 else period
 
 
-def _split(runs: list[RowRange], share: float) -> tuple[list[RowRange], list[RowRange]]:
+def _split(runs: list[RowRange]) -> tuple[list[RowRange], list[RowRange]]:
     total = sum(r.stop - r.start for r in runs)
-    keep = round(total * (1 - share))
+    keep = round(total * (1 - HELD_OUT_SHARE))
     train: list[RowRange] = []
     test: list[RowRange] = []
     for r in runs:

@@ -179,12 +179,8 @@ def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> Non
 
 def changes(calibration: Calibration, profile: Profile) -> list[Change]:
     """Return the changes of the profile: key, old and new value, and source of the new value."""
-    return [*_base_changes(calibration), *_encoder_changes(calibration, profile)]
-
-
-def _base_changes(calibration: Calibration) -> Iterator[Change]:
-    for key, m in calibration.keys.items():
-        yield _change(calibration, key, m.value, m.nominal, m.std)
+    base = [_change(calibration, key, m) for key, m in calibration.keys.items()]
+    return [*base, *_encoder_changes(calibration, profile)]
 
 
 def profile_keys(
@@ -261,14 +257,14 @@ def _encoder_changes(calibration: Calibration, profile: Profile) -> Iterator[Cha
         )
 
 
-def _change(calibration: Calibration, key: str, value: float, before: float, std: float) -> Change:
-    spread = f" ± {std:.2g}" if isfinite(std) and std > 0 else ""
-    rounded = float(f"{value:.{DIGITS}g}")
-    return Change(key, rounded, before, _source_comment(calibration, before, spread))
+def _change(calibration: Calibration, key: str, m: Measured) -> Change:
+    spread = f"± {m.std:.2g}, " if isfinite(m.std) and m.std > 0 else ""
+    rounded = float(f"{m.value:.{DIGITS}g}")
+    return Change(key, rounded, m.nominal, spread + _source_comment(calibration, m.nominal))
 
 
-def _source_comment(calibration: Calibration, before: float, spread: str = "") -> str:
-    return f"{spread.strip() + ', ' if spread else ''}from {calibration.source}; was {before:.5g}"
+def _source_comment(calibration: Calibration, before: float) -> str:
+    return f"from {calibration.source}; was {before:.5g}"
 
 
 def applied(profile: Profile, new: Sequence[Change]) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import pytest
 import heli3dof as h3
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.freeflight import (
-    COMMON_STD,
     VARYING,
     fit_freeflight,
     free_rows,
@@ -18,7 +17,7 @@ from heli3dof.identification.greybox.freeflight import (
     problem_of,
 )
 from heli3dof.identification.greybox.method import DEFAULT_TERMS, has_jitter
-from heli3dof.identification.greybox.multistep import rms_errors, robust
+from heli3dof.identification.greybox.multistep import COMMON_STD, rms_errors, robust
 from heli3dof.model.model_file import save_model
 from heli3dof.paper.models import load_model
 from heli3dof.recording.recording import Recording

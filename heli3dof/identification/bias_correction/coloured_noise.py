@@ -34,7 +34,7 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
     fewer than 2 (L + 1) blocks of `BLOCK_S`, with L = `MEMORY_S` / `BLOCK_S`, all factors are 1.
     """
     n = len(fit.optimum.theta)
-    scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)
+    scores = block_scores(fit.problem.data, fit.optimum)
     memory = round(MEMORY_S / BLOCK_S)
     if len(scores) < 2 * (memory + 1):
         return np.ones(n)

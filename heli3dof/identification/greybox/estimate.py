@@ -73,7 +73,7 @@ class Estimate(PhysicalFit):
         with fewer than 2 n + 2 blocks has κ = 1.
         """
         o, n = self.optimum, len(self.free)
-        scores = block_scores(self.problem.data, o, BLOCK_S)
+        scores = block_scores(self.problem.data, o)
         m = len(scores)
         if m < 2 * n + 2:
             return 1.0
@@ -195,13 +195,13 @@ def _loglik_at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[f
     return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a
 
 
-def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
-    """Return the gradients (m, n) of the log-likelihood, one for each of m blocks of ``block_s`` s.
+def block_scores(data: Data, optimum: Optimum) -> np.ndarray:
+    """Return the gradients (m, n) of the log-likelihood, one for each of m blocks of `BLOCK_S`.
 
     The gradients are with respect to the n scaled parameters, at ``optimum``.
     """
     o = optimum
-    which = block_numbers(data, block_s)
+    which = block_numbers(data, BLOCK_S)
     index, count = which[o.at.row], int(which.max()) + 1
     return np.column_stack([np.bincount(index, row * o.at.g, count) for row in o.tangents])
 

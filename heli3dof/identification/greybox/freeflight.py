@@ -23,7 +23,7 @@ import numpy as np
 from heli3dof.errors import RecordingError
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.linear_uncertainty import fit_result
-from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, search
+from heli3dof.identification.greybox.multistep import WINDOW_S, MultiStep, MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.row_selection import rows_in_flight, runs_of, unusable
@@ -91,10 +91,6 @@ priors, the values of confounded effects would be arbitrary: in flights about on
 damping and flapping act alike until yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
 """Prefixes of the parameters that must not be negative (damping, restoring stiffness)"""
-COMMON_STD = 0.15
-"""Prior standard deviation of the logarithm of the inertias' common factor."""
-WINDOW_S = 3.0
-"""s: length of a prediction window, which is a free-run prediction from the state at its start"""
 APART_S = 0.2
 """s: time between the starts of successive prediction windows"""
 LEAST_WINDOWS = 20
@@ -202,7 +198,6 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
         spread={k: v for k, (_, v) in priors.items()},
         centre={k: v for k, (v, _) in priors.items()},
         least={k: 0.0 for k in structure.names if k.startswith(POSITIVE)},
-        common_std=COMMON_STD,
     )
 
 

@@ -94,8 +94,6 @@ class Descent:
 
     z: np.ndarray
     cost: float
-    start_cost: float
-    """Cost Q at the start of the search"""
     tangents: np.ndarray
     """(dim, R) derivatives of the residuals in the last iteration"""
     rounds: int
@@ -133,7 +131,7 @@ def descend(
         if gain < settled:
             done = True
             break
-    return Descent(z, here, start_cost, D, count, done)
+    return Descent(z, here, D, count, done)
 
 
 def follow_on(
@@ -151,7 +149,7 @@ def follow_on(
     - The residuals have been evaluated ``max_evaluations`` times.
     """
     r = v.residuals(z)
-    here = start_cost = v.cost(r, z)
+    here = v.cost(r, z)
     D = np.full((len(z), len(r)), np.nan) if tangents is None else tangents.copy()
     lacking = np.flatnonzero(np.isnan(D).any(axis=1))
     if len(lacking):
@@ -184,4 +182,4 @@ def follow_on(
             if failed > 1 and fresh:
                 fresh, doubted, failed, damping = fresh - 1, False, 0, DAMPING
                 D = v.tangents(z, r)
-    return Descent(z, here, start_cost, D, count, done)
+    return Descent(z, here, D, count, done)

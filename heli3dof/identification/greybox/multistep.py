@@ -48,9 +48,9 @@ STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 ROUNDS = 8
 """Largest number of iterations of a stage"""
 WINDOW_S = 3.0
-"""τ, s: prediction windows that start at least this far apart count as independent."""
+"""τ, s: length of a prediction window; windows that do not overlap count as independent"""
 ROBUST = 4.0
-RATIO_STD, COMMON_STD = 0.04, 0.5
+RATIO_STD, COMMON_STD = 0.04, 0.15
 """Prior standard deviations: `RATIO_STD` of ln(J_pitch/J_roll) and of ln(J_yaw/J_roll),
 `COMMON_STD` of ln J_roll. The J are moments of inertia."""
 DIFFERENCE = 1e-3
@@ -90,8 +90,6 @@ class MultiStep:
     """Parameter → prior mean in its unit, in place of the effect's default"""
     least: Mapping[str, float] = field(default_factory=dict)
     """Parameter → lowest value allowed, in place of the effect's default"""
-    ratio_std: float = RATIO_STD
-    common_std: float = COMMON_STD
 
     @property
     def n(self) -> int:
@@ -140,8 +138,8 @@ class MultiStep:
         for j in (p, y):
             d = np.zeros(self.dim)
             d[j], d[r] = 1.0, -1.0
-            L += np.outer(d, d) / self.ratio_std**2
-        L[r, r] += 1 / self.common_std**2
+            L += np.outer(d, d) / RATIO_STD**2
+        L[r, r] += 1 / COMMON_STD**2
         for i in range(len(self.flights)):
             for b, j in enumerate(self.own):
                 d = np.zeros(self.dim)
