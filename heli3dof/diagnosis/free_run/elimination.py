@@ -45,13 +45,19 @@ from heli3dof.diagnosis.constants import QUANTILE_975, SIGMAS_997
 from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
-    WINDOW_S,
     FitWithFolds,
     recording_indices,
     refit,
 )
 from heli3dof.diagnosis.validation.gain import DRAWS, Interval, interval
-from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
+from heli3dof.identification.greybox.multistep import (
+    FAR,
+    WINDOW_S,
+    MultiStep,
+    MultiStepFit,
+    robust,
+    search,
+)
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.prediction import Flight, errors

@@ -6,7 +6,7 @@ held-out recordings, or on each fold's test blocks by the model fitted to the ot
     RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
 
 A model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)², with both RMSE over 3 s, is below
-the number of axes. The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windows
+the number of axes. The bootstrap resamples cells of `multistep.WINDOW_S`, because windows
 overlap.
 """
 
@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.free_run.refits import WINDOW_S, split_windows
+from heli3dof.diagnosis.free_run.refits import split_windows
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut, Predictions, gain
 from heli3dof.diagnosis.validation.prediction import MAX_ERROR
 from heli3dof.identification.greybox.freeflight import flight_of
+from heli3dof.identification.greybox.multistep import WINDOW_S
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import errors, filtered
 from heli3dof.recording.recording import Recording

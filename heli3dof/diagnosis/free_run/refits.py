@@ -16,6 +16,7 @@ from heli3dof.identification.greybox.levenberg_marquardt import FRESH, follow_on
 from heli3dof.identification.greybox.multistep import (
     SETTLED,
     STAGES_S,
+    WINDOW_S,
     MultiStep,
     MultiStepFit,
     least_squares_problem,
@@ -27,9 +28,8 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 
 STAGE_S = STAGES_S[-1]
-WINDOW_S = STAGE_S[-1]
 FOLD_BLOCK_S = 2 * WINDOW_S
-"""s: prediction horizons, length of a prediction window and of a fold's blocks. Chosen."""
+"""s: prediction horizons, and length of a fold's blocks. Chosen."""
 FOLDS = 2
 RECOMPUTATIONS = 1
 """Number of times that a refit may recompute its tangents. An error of 0.1 in Q is acceptable."""

@@ -19,10 +19,9 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.free_run.refits import WINDOW_S
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import interval
-from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.identification.greybox.multistep import WINDOW_S, MultiStepFit
 from heli3dof.identification.greybox.weak_form import SmoothedFlight, log_of, residuals
 
 CURVE_KNOTS = 5

@@ -17,13 +17,12 @@ from heli3dof.diagnosis.free_run.elimination import (
 from heli3dof.diagnosis.free_run.refits import (
     FOLD_BLOCK_S,
     STAGE_S,
-    WINDOW_S,
     FitWithFolds,
     refit,
     split_windows,
 )
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
-from heli3dof.identification.greybox.multistep import search
+from heli3dof.identification.greybox.multistep import WINDOW_S, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.greybox.prediction import Flight
 from heli3dof.recording.recording import Recording
