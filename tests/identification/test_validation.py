@@ -92,13 +92,14 @@ def test_a_diverging_loop_has_a_huge_error(flown: Recording) -> None:
     runaway = replace(model, B=-model.B)
     result = metrics(runaway, p, p.held_out)
     assert result.replay_note == "the loop with this model diverges"
+    assert result.no_replay == ""  # there is a replay
     assert result.replay.fit_percent.min() < -1e3
 
 
 def test_the_reason_for_no_replay_is_given(flown: Recording) -> None:
     unknown = replace(flown, profile=flown.profile.model_copy(update={"controller": None}))
     result = metrics(hover_model(flown.profile), prepare([unknown]), prepare([unknown]).held_out)
-    assert "has no [controller]" in result.replay_note
+    assert "has no [controller]" in result.no_replay == result.replay_note
     assert np.isnan(result.replay.fit_percent).all()
     blind = replace(flown, reference=np.full_like(flown.reference, np.nan))
     assert "no reference was recorded" in replay_obstacle(prepare([blind]), [0])
