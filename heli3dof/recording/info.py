@@ -22,10 +22,9 @@ from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, 
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.still_encoder import still_encoder_warnings
+from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.profile import Profile
 
-LATE_S = 1e-3
-"""s: a sample that comes later than this after its deadline counts as late (a convention)."""
 PROVENANCE = (
     "source", "started_utc", "device", "identity", "log", "more_logs", "log_mapping", "versions",
     "git", "host", "command_line", "format",
