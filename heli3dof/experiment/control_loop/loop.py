@@ -2,7 +2,7 @@
 
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
-Deadlines are absolute; the loop skips missed periods and never makes up for them
+Deadlines are absolute; the loop skips periods that are over and never makes up for them
 (`heli3dof.experiment.control_loop.timekeeping`). At the end of every flight the loop takes the
 motor voltages to zero (`heli3dof.experiment.control_loop.ramp_down`): by a ramp if they are near
 the hover voltage, else at once. The loop also records the periods of the ramp.

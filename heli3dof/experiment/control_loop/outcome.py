@@ -49,7 +49,7 @@ class Outcome:
     late: int
     """Periods whose sample came later than `LATE_S` after its deadline"""
     missed: int
-    """Periods skipped because the host was too late"""
+    """Periods skipped because a sample came or was read too late"""
     worst_lateness_s: float
     landed: bool
     """True if the commands that take the motors to zero were carried out"""
