@@ -97,6 +97,8 @@ class Endpoint:
         self._streamed = 0
         """Sampling instants of the stream until now, including those without a sample"""
         self._sampled_us: int | None = None
+        self._resumed_us = 0
+        """End of the last pause in which the device did nothing"""
         self._heard_us = 0
         self._arrived_us: int | None = None
         """Arrival of the last accepted command; None: none since the last sample"""
@@ -118,13 +120,15 @@ class Endpoint:
         """Return the samples due by ``now_us`` (device's clock, µs) as bytes for the host."""
         out = b""
         while (due := self._next_sample_us()) is not None and due <= now_us:
-            self._advance(due)
-            if due > self._heard_us + QUIET_US:
+            skipped = max(0, self._resumed_us - due) // self._period_us
+            read_us = self._resumed_us if skipped else due
+            self._advance(read_us)
+            if read_us > self._heard_us + QUIET_US:
                 break
-            self._streamed += 1
-            self._late_us = max(self._late_us, now_us - due)
+            self._streamed += 1 + skipped
+            self._late_us = max(self._late_us, (read_us if skipped else now_us) - due)
             if self._arrives:
-                out += self._sample(due)
+                out += self._sample(read_us)
             else:
                 self._number = _u32(self._number + 1)
         self._advance(now_us)
@@ -133,16 +137,13 @@ class Endpoint:
         return out
 
     def held_up(self, now_us: int) -> None:
-        """Skip the samples that are late by a period or more, instead of sending them all at once.
+        """State that the device did nothing until ``now_us``; then call `tick` or `receive`.
 
-        Call this after the device's own process was suspended. Do not call it if only the host was
-        late: a real device would have sent these samples on time.
+        They skip the samples that are late by a period or more, and send one instead, read at
+        ``now_us``. Call this after the device's own process was suspended. Do not call it if only
+        the host was late: a real device would have sent these samples on time.
         """
-        due = self._next_sample_us()
-        if due is None or now_us < due + self._period_us:
-            return
-        self._late_us = max(self._late_us, now_us - due)
-        self._streamed += (now_us - due) // self._period_us
+        self._resumed_us = now_us
 
     def next_us(self) -> int | None:
         """Return when the stream's next sample is due (device's clock, µs); None: no stream."""

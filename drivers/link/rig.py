@@ -26,7 +26,7 @@ from heli3dof.rig.clock import CLOCK_TOLERANCE, wait_until, wrapped_difference_s
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
 from ..rig_errors import closed, not_a_voltage, not_armed
-from .emergency_stop import SHARED_TRIES, STOP_TRIES, ack_of, stop, stop_over
+from .emergency_stop import SHARED_TRIES, STOP_TRIES, ack_of, stop
 from .errors import (
     gone_silent,
     no_valid_sample,
@@ -135,7 +135,7 @@ class LinkRig:
         if (problem := self._connection_error()) is not None:
             raise problem
         for _ in range(TRIES):
-            disarmed = self._request(Disarm)
+            disarmed = self._disarm()
             # A later stop changes the ticket: the device then refuses to arm.
             self.check_permission()
             self._samples.discard_stale()
@@ -146,7 +146,9 @@ class LinkRig:
             if code == Code.OK:
                 self._samples.armed, self._streaming = True, self._stream
                 self._samples.set_round_trip(self._client.round_trip_s)
-                return self._next_of_stream() if self._stream else self._first()
+                if self._stream:
+                    return self._next_of_stream()
+                return self._checked(self._samples.first())
             if code not in (Code.STALE_TICKET, Code.ALREADY_ARMED):
                 raise not_arming(
                     self._transport.name, code, reply.cause, self._period_us, self._watchdog_us
@@ -230,9 +232,6 @@ class LinkRig:
             tries=1,
         )
 
-    def _first(self) -> Sample:
-        return self._checked(self._samples.first())
-
     def _next_of_stream(self) -> Sample:
         """Return the stream's next sample, or a polled one if the stream has ended.
 
@@ -255,8 +254,8 @@ class LinkRig:
             raise self._no_sample()
         return sample
 
-    def _request(self, kind: type[Disarm]) -> Ack:
-        ack = self._client.request(kind, ack_of(kind.TYPE))
+    def _disarm(self) -> Ack:
+        ack = self._client.request(Disarm, ack_of(Type.DISARM))
         if ack is None:
             raise self._no_sample()
         return ack
@@ -335,6 +334,3 @@ def _identity(
         boot=reply.boot,
         started_s=started_s,
     )
-
-
-__all__ = ["LinkRig", "stop_over"]

@@ -77,7 +77,7 @@ class Analysis:
     columns: Callable[[Document], Row]
     """Function (JSON document) → the verb's columns of the results table"""
     accepts_torn: bool = False
-    """True if the verb uses the intact part of a torn (incomplete) recording"""
+    """True if the verb uses the intact part of a torn recording"""
 
 
 def _compare(job: Job) -> Document:

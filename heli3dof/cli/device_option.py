@@ -11,13 +11,14 @@ import typer
 
 from heli3dof.cli import completion
 from heli3dof.cli.output import Output
+from heli3dof.rig.url import DEVICE_VARIABLE
 
 AnyDevice = Annotated[
     str | None,
     typer.Option(
         "--device",
         metavar="URL",
-        envvar="HELI3DOF_DEVICE",
+        envvar=DEVICE_VARIABLE,
         autocompletion=completion.devices,
         help="The rig; default: the only one found, else the emulated one.",
     ),
@@ -31,12 +32,12 @@ def device_or_default(out: Output, device: str | None) -> str:
     and this function prints a note. Raises UsageError if several real rigs are found, or if
     ``device`` has a wrong scheme or option.
     """
-    from heli3dof.rig.drivers import MOCK, check_url, default_device
+    from heli3dof.rig.drivers import MOCK, check_url, found_device
 
     if device is not None:
         check_url(device)
         return device
-    found = default_device()
+    found = found_device()
     if found == MOCK:
         out.note("No rig was found. This is the emulated one; --device selects another.")
     return found

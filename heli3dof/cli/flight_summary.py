@@ -53,7 +53,7 @@ def flight_table(flight: Flight) -> Grid | str:
     return recording_table(
         flight.recording,
         f"{flight.recording.name}: {outcome.ending}, {seconds:.1f} s in closed loop",
-        timing_note(outcome),
+        timing_note(outcome, len(flight.recording)),
     )
 
 

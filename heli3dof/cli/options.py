@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli import completion
+from heli3dof.rig.url import DEVICE_VARIABLE
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -17,7 +18,7 @@ Device = Annotated[
     typer.Option(
         "--device",
         metavar="URL",
-        envvar="HELI3DOF_DEVICE",
+        envvar=DEVICE_VARIABLE,
         autocompletion=completion.devices,
         help="The rig, e.g. mock:?seed=1 or serial:///dev/ttyACM0; heli3dof devices lists them.",
     ),

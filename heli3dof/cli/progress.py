@@ -125,8 +125,8 @@ class FlightView:
             return Text(self.line(), no_wrap=True, overflow="ellipsis")
         width = self.console.width
         late = (
-            f"{live.late} periods late, {live.lost} lost; lateness {live.lateness * 1e3:.2f} ms, "
-            f"at most {live.worst_lateness * 1e3:.2f} ms"
+            f"{live.late} periods late by over 1 ms, {live.lost} lost; "
+            f"lateness {live.lateness * 1e3:.2f} ms, at most {live.worst_lateness * 1e3:.2f} ms"
         )
         return Group(
             self._bar(width),

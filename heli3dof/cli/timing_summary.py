@@ -39,14 +39,15 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def timing_note(outcome: Outcome) -> str:
+def timing_note(outcome: Outcome, samples: int) -> str:
     """Return a text that counts a flight's late and skipped control periods.
 
-    `timing_rows` has the quantiles of lateness and latency.
+    ``samples``: number of samples in flight and ramp. `timing_rows` has the quantiles of lateness
+    and latency.
     """
-    late = f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"
+    late = f"late by more than 1 ms: {outcome.late} of {samples} periods"
     skipped = _skipped(outcome.missed, outcome.lost, outcome.device_skipped)
-    return f"{late}; {skipped}" if skipped else late
+    return f"{late}; skipped: {skipped}" if skipped else late
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:
@@ -75,7 +76,7 @@ def unacknowledged_text(latency: Mapping[str, Any]) -> str:
 def realtime_advice(outcome: Outcome) -> str | None:
     """Return a text on how to obtain a real-time permission that the system refused for the flight.
 
-    The result is None if no control period was late or missed, or if no permission was refused.
+    The result is None if no sample was late, or if no permission was refused.
     """
     if outcome.realtime is None or not (outcome.late or outcome.missed):
         return None
@@ -90,9 +91,9 @@ def _skipped(missed: int, lost: int, device_skipped: int) -> str:
     return ", ".join(
         text
         for count, text in (
-            (missed, f"{missed} missed by this computer"),
-            (lost, f"{lost} lost on the line"),
-            (device_skipped, f"{device_skipped} skipped by the device"),
+            (missed, f"{missed} (sample late)"),
+            (lost, f"{lost} (sample lost on the line)"),
+            (device_skipped, f"{device_skipped} (no sample taken by the device)"),
         )
         if count
     )

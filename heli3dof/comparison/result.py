@@ -14,6 +14,7 @@ from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS, AxisMetrics
 from heli3dof.comparison.verdict import verdict
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.safety_trip import trip_warning
 from heli3dof.results import Result, optional
 
 if TYPE_CHECKING:
@@ -100,9 +101,10 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return sentences that state which replays or predictions are missing, and why."""
+        """Return sentences on safety trips, and on missing replays and predictions."""
         sentences = []
         for f in self.flights:
+            sentences += trip_warning(f.recording)
             if f.why is not None:
                 sentences.append(f"{f.recording.name}: not replayed: {f.why}.")
             if self.horizons_s and f.constant_angles is None:

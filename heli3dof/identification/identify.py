@@ -26,6 +26,7 @@ from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.provenance import profile_file, run_command
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.safety_trip import trip_warning
 from heli3dof.stage_clock import Progress, StageClock
 
 FEEDBACK_TEST_S = 0.02
@@ -159,8 +160,8 @@ def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, 
 
 
 def recording_warnings(prepared: Prepared) -> list[str]:
-    """Return warnings of a wrong log rate, jitter, lost samples and voltages at their limit."""
-    out = []
+    """Return warnings of trips, a wrong log rate, jitter, lost samples, voltages at their limit."""
+    out = [w for r in prepared.recordings for w in trip_warning(r)]
     for r in prepared.reports:
         c = r.timing
         if abs(c.period_s / r.control_period_s - 1) > 0.01:

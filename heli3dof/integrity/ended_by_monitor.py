@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
+from heli3dof.recording.safety_trip import trip_sentence
 
 CAUSE = (
     "the rig differs from its profile: an encoder's sign, front and back swapped, the amplifier's "
@@ -23,15 +24,13 @@ def ended(view: View) -> Iterable[Fault]:
     Its cause and remedy are those stored in the recording, or else `CAUSE` and `FIX`.
     """
     r = view.recording
-    if r.meta.get("outcome") != "tripped":
+    sentence = trip_sentence(r)
+    if sentence is None:
         return
     details = r.meta.get("outcome_details")
     details = details if isinstance(details, dict) else {}
-    detail = details.get("detail")
     yield Fault(
-        "flight.tripped", Kind.NOTE, r.name,
-        f"{r.name}: the flight was ended for safety after {r.duration:.3g} s"
-        + (f": {detail}." if detail else "."),
+        "flight.tripped", Kind.NOTE, r.name, sentence,
         details.get("likely_cause") or CAUSE,
         details.get("fix") or FIX,
         confidence=0.5,

@@ -58,7 +58,7 @@ def gaps(view: View) -> Iterable[Fault]:
         "the link dropped samples, or the logging program was too slow; the voltage was held "
         "meanwhile.",
         "use another cable or port, or a faster disk; heli3dof run-step --roll 5 reports how many "
-        "periods were late or missed",
+        "periods were late or skipped",
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """`file_info`: describes a recording's file as a JSON-able dictionary.
 
-`file_info` also reads the intact part of a file with missing or unreadable bytes. A file is torn if
-its end is missing, for example because the program was killed.
+`file_info` also reads the intact part of a torn file. A file is torn if its end is missing, for
+example because the program was killed, or if bytes in the middle are unreadable.
 """
 
 from __future__ import annotations
@@ -22,10 +22,9 @@ from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, 
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.still_encoder import still_encoder_warnings
+from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.profile import Profile
 
-LATE_S = 1e-3
-"""s: a sample that comes later than this after its deadline counts as late (a convention)."""
 PROVENANCE = (
     "source", "started_utc", "device", "identity", "log", "more_logs", "log_mapping", "versions",
     "git", "host", "command_line", "format",
@@ -37,9 +36,9 @@ def file_info(
 ) -> dict[str, Any]:
     """Return the `summary` of the recording in a file, and the file's name and size in bytes.
 
-    If the key ``torn`` is True, bytes are missing or unreadable. The summary then describes the
-    intact part. The key ``damage`` is a sentence on the damage, and ``fix`` is the command that
-    copies the intact part. Raises RecordingError and UsageError, as `load` does.
+    If the key ``torn`` is True, the summary describes the intact part. Then ``damage`` is a
+    sentence on the missing or unreadable bytes, and ``fix`` the command that copies the intact
+    part. Raises RecordingError and UsageError, as `load` does.
     """
     return read_with_info(path, profile, columns)[1]
 

@@ -40,11 +40,14 @@ def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
         )
     elif commands and unacknowledged > LOSS_SHARE * commands:
         skipped = details.get("device_skipped") or 0
-        cause = (
-            f"the device is overloaded (it skipped {skipped} samples)"
-            if 2 * skipped >= unacknowledged
-            else "a line that loses frames, or a latency that sometimes exceeds the control period"
-        )
+        if 2 * skipped >= unacknowledged:
+            cause = f"the device is overloaded (it skipped {skipped} samples)"
+        elif unacknowledged == commands:
+            cause = "a latency above the control period, or a device that ignores commands"
+        else:
+            cause = (
+                "a line that loses frames, or a latency that sometimes exceeds the control period"
+            )
         found.append(
             f"{unacknowledged} of {commands} commands ({unacknowledged / commands:.1%}) were not "
             f"echoed by the next sample, {latency.get('commands_never_echoed', 0)} of them never. "

@@ -27,6 +27,9 @@ from __future__ import annotations
 
 import time
 
+LATE_S = 1e-3
+"""s after its deadline from which a sample or a wake-up is reported as late: half a period at
+500 Hz. The safety monitor of late samples has a limit of its own, ``limits.late_max_s``"""
 SPIN_S = 200e-6
 """s before the deadline at which polling starts: a sleep overshoots by about this much"""
 DRIFT = 100e-6

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean, quoted
 from heli3dof.rig.interface import Driver, PrivateToProcess, Rig
-from heli3dof.rig.url import DeviceUrl, parse_url
+from heli3dof.rig.url import DEVICE_VARIABLE, DeviceUrl, parse_url
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -110,18 +110,18 @@ def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
 
 MOCK = "mock:"
 """URL of the emulated rig"""
-DEVICE_VARIABLE = "HELI3DOF_DEVICE"
-"""Environment variable with the URL of the rig to use if none is given"""
 
 
 def default_device() -> str:
-    """Return the URL in the environment variable `DEVICE_VARIABLE`; if unset, search for a rig.
+    """Return the URL in the environment variable `DEVICE_VARIABLE`; if unset, `found_device`."""
+    return os.environ.get(DEVICE_VARIABLE) or found_device()
 
-    The search returns the real rig's URL if exactly one is found, `MOCK` (the emulated rig) if none
-    is. Raises UsageError if several real rigs are found.
+
+def found_device() -> str:
+    """Return the real rig's URL if exactly one is found, `MOCK` (the emulated rig) if none is.
+
+    Raises UsageError if several real rigs are found.
     """
-    if url := os.environ.get(DEVICE_VARIABLE):
-        return url
     real = [url for _, urls, _ in find_rigs() for url in urls if not is_private(url)]
     if len(real) > 1:
         raise UsageError(

@@ -111,7 +111,7 @@ class Envelope:
         if t > self._duration:
             return Trip(
                 f"the flight lasted longer than the envelope's {self._duration:g} s",
-                "periods were lost, or the plan is longer than it states.",
+                "periods were skipped, or the plan is longer than it states.",
                 "heli3dof doctor; or limits.duration_max_s in the profile",
             )
         self._before, self._t = (voltage[0], voltage[1]), t

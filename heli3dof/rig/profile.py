@@ -266,11 +266,11 @@ class Limits(Section):
     landing_s: Annotated[
         Positive, Key("the motors' ramp from hover to zero at a plan's end", "s")
     ] = 3.0
-    late_max_s: Annotated[Positive, Key("a control period later than this counts as late", "s")] = (
-        0.01
-    )
+    late_max_s: Annotated[
+        Positive, Key("the safety monitor counts periods later than this", "s")
+    ] = 0.01
     late_max_share: Annotated[
-        Positive, Key("a larger share of late periods within a second ends the flight", "–")
+        Positive, Key("a larger share of such periods within a second ends the flight", "–")
     ] = 0.5
     lost_max_s: Annotated[
         Positive, Key("encoder readings missing for longer end the flight", "s")

@@ -10,22 +10,22 @@ class Trip(str):
     """A string: what the safety monitor observed. ``cause``: the likely cause; ``fix``: what to do.
 
     ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
-    trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`). ``still_s``: the
-    time (s) just before the trip in which a frozen encoder's count did not change in the air; 0:
-    unknown. Only the motion before this time is evidence.
+    trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`). ``invalid_s``: the
+    last seconds before the trip, whose angles are invalid because an encoder froze in the air. Only
+    the motion before is evidence; 0: all of it is.
     """
 
     cause: str
     fix: str
     by_motion: bool
-    still_s: float
+    invalid_s: float
 
     def __new__(
         cls, what: str, cause: str = "", fix: str = "", *, by_motion: bool = False,
-        still_s: float = 0.0,
+        invalid_s: float = 0.0,
     ) -> Trip:  # fmt: skip
         trip = super().__new__(cls, what)
-        trip.cause, trip.fix, trip.by_motion, trip.still_s = cause, fix, by_motion, still_s
+        trip.cause, trip.fix, trip.by_motion, trip.invalid_s = cause, fix, by_motion, invalid_s
         return trip
 
     @staticmethod
@@ -39,7 +39,8 @@ class Trip(str):
             return None
         explained = next((r for r in given if isinstance(r, Trip) and r.cause), Trip(""))
         by_motion = any(getattr(r, "by_motion", False) for r in given)
-        still_s = max(getattr(r, "still_s", 0.0) for r in given)
+        invalid_s = max(getattr(r, "invalid_s", 0.0) for r in given)
         return Trip(
-            "; ".join(given), explained.cause, explained.fix, by_motion=by_motion, still_s=still_s
-        )
+            "; ".join(given), explained.cause, explained.fix, by_motion=by_motion,
+            invalid_s=invalid_s,
+        )  # fmt: skip

@@ -13,6 +13,8 @@ from urllib.parse import parse_qsl
 
 from heli3dof.errors import UsageError, did_you_mean
 
+DEVICE_VARIABLE = "HELI3DOF_DEVICE"
+"""Environment variable with the URL of the rig to use if none is given"""
 SEED = re.compile(r"(?<=[?&]seed=)\d+")
 """The seed in an emulated rig's URL"""
 

@@ -255,6 +255,15 @@ def test_the_default_device_is_the_emulated_rig_with_a_note(
     assert "mock:" in result.err
 
 
+def test_an_emulated_rig_of_the_device_variable_needs_no_note(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HELI3DOF_DEVICE", "mock:")
+    result = heli3dof("monitor", "--seconds", "0")
+    assert result.code == 0
+    assert "No rig was found" not in result.err
+
+
 @pytest.mark.usefixtures("own_clock")
 def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:
     fake.counts = (313, 0, 0)

@@ -48,7 +48,7 @@ def test_the_summary_has_no_colour_without_a_terminal(tmp_path: Path) -> None:
     result = heli3dof(
         "run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap"
     )
-    for word in ("roll", "peak", "overshoot", "late by more than 1 ms: 0 of 1750"):
+    for word in ("roll", "peak", "overshoot", "late by more than 1 ms: 0 of 3250"):
         assert word in result.out
     assert "\x1b" not in result.out + result.err
 

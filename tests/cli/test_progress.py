@@ -82,7 +82,7 @@ def test_a_large_terminal_shows_references_limits_voltages_losses_and_how_to_sto
     lines = [line.rstrip() for line in shown(large).split("\n")]
     assert "roll     +5.7°   reference   +11.5°   limits −32 to 34°" in lines
     assert "front  +7.50 V   back  −1.00 V   limit ±24 V" in lines
-    assert "7 periods late, 2 lost; lateness 0.10 ms, at most 2.00 ms" in lines
+    assert "7 periods late by over 1 ms, 2 lost; lateness 0.10 ms, at most 2.00 ms" in lines
     assert any("━" in line and "flying  1 of 2 s" in line for line in lines)
 
 

@@ -21,22 +21,23 @@ HELD_UP = replace(OUTCOME, device_skipped=7)
 
 def test_the_note_counts_late_missed_and_lost_periods() -> None:
     counts = (
-        "late by more than 1 ms: 5 of 1000 periods; 30 missed by this computer, 2 lost on the line"
+        "late by more than 1 ms: 5 of 2500 periods; "
+        "skipped: 30 (sample late), 2 (sample lost on the line)"
     )
-    assert timing_note(OUTCOME) == counts
-    assert timing_note(replace(OUTCOME, latency=LATENCY)) == counts
+    assert timing_note(OUTCOME, 2500) == counts
+    assert timing_note(replace(OUTCOME, latency=LATENCY), 2500) == counts
 
 
 def test_periods_that_the_device_skipped_are_counted_apart() -> None:
-    result = "30 missed by this computer, 2 lost on the line, 7 skipped by the device"
-    assert result in timing_note(HELD_UP)
+    result = "30 (sample late), 2 (sample lost on the line), 7 (no sample taken by the device)"
+    assert result in timing_note(HELD_UP, 2500)
     about = {"lateness": None, "samples": 9, "outcome_details": HELD_UP.details()}
     assert dict(timing_rows(about))["skipped"] == result
 
 
 def test_a_flight_on_a_virtual_clock_has_no_lateness() -> None:
     virtual = replace(OUTCOME, late=0, missed=0, lost=0, punctuality=None, realtime=None)
-    assert timing_note(virtual) == "late by more than 1 ms: 0 of 1000 periods"
+    assert timing_note(virtual, 2500) == "late by more than 1 ms: 0 of 2500 periods"
     assert realtime_advice(virtual) is None
 
 
@@ -56,7 +57,7 @@ def test_info_shows_the_timing_of_a_recording() -> None:
     }
     rows = dict(timing_rows(about))
     assert rows["late by over 1 ms"] == "5 of 1000 periods"
-    assert rows["skipped"] == "30 missed by this computer, 2 lost on the line"
+    assert rows["skipped"] == "30 (sample late), 2 (sample lost on the line)"
     assert rows["sample to command"] == "median 24 µs, 99.9 % 0.18 ms, maximum 0.21 ms"
     assert rows["real time"] == "scheduled no, memory locked no"
 

@@ -45,6 +45,14 @@ def test_the_true_model_differs_from_the_experiment_by_nothing() -> None:
     assert only.models[0].replay_rmse_deg == pytest.approx([0, 0, 0], abs=1e-6)
 
 
+def test_a_flight_that_a_safety_trip_ended_is_compared_with_a_warning() -> None:
+    r = flight()
+    result = compare([replace(r, meta={**r.meta, "outcome": "tripped"})], [FakeHover()])
+    (warning,) = result.warnings
+    assert warning.startswith(f"{r.name}: the flight was ended for safety after ")
+    assert compare([r], [FakeHover()]).warnings == ()
+
+
 def test_models_of_one_name_are_all_compared() -> None:
     result = compare([flight(truth=FakeHover(thrust=0.6))], [FakeHover(), FakeHover(thrust=0.6)])
     (only,) = result.flights

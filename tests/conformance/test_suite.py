@@ -247,9 +247,7 @@ SPOILT = {
     spoilt("ForgivesSilence", exchange=_forgives_silence): (
         "the_watchdog_latches_a_silent_host_until_it_arms"
     ),
-    spoilt(
-        "NeverWaits", exchange=_never_waits
-    ): "missed_periods_are_skipped_not_executed_in_a_burst",
+    spoilt("NeverWaits", exchange=_never_waits): "skipped_periods_are_not_executed_in_a_burst",
     spoilt("CountsInWords", statistics={"lost": "some"}): (
         "link_statistics_are_a_dataclass_of_counts"
     ),
@@ -274,7 +272,7 @@ def use(monkeypatch: pytest.MonkeyPatch, driver: type[Driver]) -> None:
 def url_of(case: str) -> str:
     timed = (
         "the_watchdog_latches_a_silent_host_until_it_arms",
-        "missed_periods_are_skipped_not_executed_in_a_burst",
+        "skipped_periods_are_not_executed_in_a_burst",
     )
     return "spoilt:?watchdog_s=0.3" if case in timed else "spoilt:?speed=max"
 

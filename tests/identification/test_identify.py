@@ -52,6 +52,15 @@ def test_the_model_replays_held_out_flights_nearly_as_well_as_the_linearised_tru
     np.testing.assert_array_less(truth - 2.0, found.metrics.replay.fit_percent)
 
 
+def test_a_flight_that_a_safety_trip_ended_gives_a_warning(found: Identification) -> None:
+    r = found.prepared.recordings[1]
+    tripped = replace(r, meta={**r.meta, "outcome": "tripped"})
+    (warning,) = set(
+        module.recording_warnings(replace(found.prepared, recordings=(tripped,)))
+    ) - set(module.recording_warnings(found.prepared))
+    assert warning.startswith(f"{r.name}: the flight was ended for safety after ")
+
+
 def test_the_rotor_lag_and_both_pendula_are_among_the_poles(found: Identification) -> None:
     """−10, −10; −0.027 ± 0.992j; −0.165 ± 0.723j, within four standard deviations."""
     for truth in (-0.027 + 0.992j, -0.165 + 0.723j):

@@ -49,6 +49,12 @@ def test_more_than_one_percent_of_unacknowledged_commands_gives_a_warning() -> N
     assert "loses frames" in message
 
 
+def test_commands_that_are_never_echoed_in_time_are_not_blamed_on_lost_frames() -> None:
+    (message,) = link_warnings(changed(median_s=None, commands_unacknowledged=1000), DT)
+    assert "a latency above the control period, or a device that ignores commands" in message
+    assert "loses frames" not in message
+
+
 def test_an_overloaded_device_is_named_as_the_cause() -> None:
     (message,) = link_warnings(changed(commands_unacknowledged=60, device_skipped=50), DT)
     assert "the device is overloaded (it skipped 50 samples)" in message

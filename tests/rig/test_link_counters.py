@@ -34,7 +34,7 @@ def test_info_reads_a_recording_with_former_names(tmp_path: Path) -> None:
     report = heli3dof("info", str(path), "--json")
     assert report.code == 0
     assert report.document["outcome_details"] == PRESENT
-    assert "3 skipped by the device" in heli3dof("info", str(path)).out
+    assert "3 (no sample taken by the device)" in heli3dof("info", str(path)).out
 
 
 @dataclass

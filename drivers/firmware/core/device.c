@@ -165,8 +165,9 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
 
 static void stream(struct device *device, uint64_t now_us)
 {
-    const uint64_t end_us = device->heard_us + STREAM_SILENCE_US;
-    if (now_us >= device->next_us && device->next_us <= end_us) {
+    if (now_us > device->heard_us + STREAM_SILENCE_US) {
+        device->period_us = 0;
+    } else if (now_us >= device->next_us) {
         /* Late by a period or more: skip the samples in between instead of sending a burst. Only
          * the time shows it; a gap in the numbers would mean that the line lost samples. */
         const uint64_t late_us = now_us - device->next_us;
@@ -176,8 +177,6 @@ static void stream(struct device *device, uint64_t now_us)
         device->next_us += (skipped + 1) * device->period_us;
         send_sample(device, now_us);
     }
-    if (now_us > end_us)
-        device->period_us = 0;
 }
 
 static void expire(struct device *device, uint64_t now_us)

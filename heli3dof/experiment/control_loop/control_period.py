@@ -19,7 +19,7 @@ class Period(NamedTuple):
     """Data of one control period: the sample, and the controller's output computed from it."""
 
     k: int
-    """Index in the plan, 0 first; skipped periods leave a gap. In the ramp: periods flown."""
+    """Index in the plan, 0 first; skipped periods leave a gap. In the ramp: the plan's length"""
     t: float
     """s since the first sample, on the device's clock."""
     sample: Sample

@@ -2,7 +2,7 @@
 
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
-Deadlines are absolute; the loop skips missed periods and never makes up for them
+Deadlines are absolute; the loop skips periods that are over and never makes up for them
 (`heli3dof.experiment.control_loop.timekeeping`). At the end of every flight the loop takes the
 motor voltages to zero (`heli3dof.experiment.control_loop.ramp_down`): by a ramp if they are near
 the hover voltage, else at once. The loop also records the periods of the ramp.
@@ -305,7 +305,7 @@ class _Flight:
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair,
         ramping_down: bool = False,
     ) -> str | None:  # fmt: skip
-        """Return the first report of a safety monitor on the period with index k, or None.
+        """Return the first report of a safety monitor on the period with index `Period.k`, or None.
 
         ``t``: time in the flight (s); ``angle`` in rad; ``command``, ``voltage`` in V, before and
         after the limiter; ``ramping_down``: True in the ramp to zero.
@@ -329,7 +329,8 @@ class _Flight:
         ``voltage``: voltages (front, back) in V that were sent before the period's ``sample``.
         """
         t = sample.device_time_s - self.t0
-        return self.judge(self.flown, t, sample, self.angle(sample), voltage, voltage, True)
+        k = len(self.reference)
+        return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)
 
     def steps(self, seconds: float) -> int:
         return max(1, round(seconds / self.profile.dt))

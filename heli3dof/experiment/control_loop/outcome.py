@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.histogram import Histogram
 from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.trip import Trip
@@ -12,9 +13,6 @@ from heli3dof.rig.trip import Trip
 if TYPE_CHECKING:
     from heli3dof.experiment.control_loop.echo_latency import EchoLatency
     from heli3dof.experiment.control_loop.realtime_priority import Realtime
-
-LATE_S = 1e-3
-"""s after its deadline from which a sample counts as late: half a period at 500 Hz"""
 
 Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
@@ -51,7 +49,7 @@ class Outcome:
     late: int
     """Periods whose sample came later than `LATE_S` after its deadline"""
     missed: int
-    """Periods skipped because the host was too late"""
+    """Periods skipped because a sample came or was read too late"""
     worst_lateness_s: float
     landed: bool
     """True if the commands that take the motors to zero were carried out"""

@@ -14,7 +14,7 @@ at 24 V; a ramp from there throws the arm by up to 100°.) So both motors go to 
 not depend on the angles, because a faulty encoder may have ended the flight. Comparison with other
 laws: `make bench TOPIC=ramp_down`.
 
-* Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
+* Skipped periods count as periods of the ramp, so it takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
 * After a completed plan the ramp is slow (``landing_s``), and the safety monitors stay active

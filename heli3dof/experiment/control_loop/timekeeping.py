@@ -53,7 +53,7 @@ class VirtualDeadlines:
         self.lateness = 0.0
         """s by which the last sample came after its deadline"""
         self.missed = 0
-        """Periods skipped before the last sample because the host was late"""
+        """Periods skipped before the last sample because it came or was read too late"""
         self.lost = 0
         """Periods skipped before the last sample because their samples were lost on the line"""
         self.device_skipped = 0

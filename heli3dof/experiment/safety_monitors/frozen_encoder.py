@@ -93,11 +93,11 @@ MOST_FRICTION = (0.35, 1.0, 1.0)
 """Largest friction of known rigs (roll, pitch, yaw) / `ExpectedAcceleration.typical`"""
 
 
-def frozen_trip(axis: int, what: str, *, by_motion: bool = False, still_s: float = 0.0) -> Trip:
+def frozen_trip(axis: int, what: str, *, by_motion: bool = False, invalid_s: float = 0.0) -> Trip:
     """Return the trip for a frozen encoder on ``axis`` (0 roll, 1 pitch, 2 yaw).
 
     ``what`` describes the evidence. ``by_motion``: True if the motion before the trip may reveal a
-    wiring fault as its cause. ``still_s``: `Trip.still_s`.
+    wiring fault as its cause. ``invalid_s``: `Trip.invalid_s`.
     """
     return Trip(
         what,
@@ -105,7 +105,7 @@ def frozen_trip(axis: int, what: str, *, by_motion: bool = False, still_s: float
         "shaft; or something holds the axis.",
         f"heli3dof monitor and turn {AXES[axis]} by hand: does its angle follow?",
         by_motion=by_motion,
-        still_s=still_s,
+        invalid_s=invalid_s,
     )
 
 
@@ -179,7 +179,7 @@ class FrozenEncoder(SafetyMonitor):
             f"voltages turned the axis by {degrees(abs(axis.moved)):.2g}° at least",
             by_motion=True,
             # On the table, roll stands still without a fault of its encoder.
-            still_s=seconds if self._airborne else 0.0,
+            invalid_s=seconds if self._airborne else 0.0,
         )
 
 

@@ -1,8 +1,8 @@
 """Detects a loop that misses too many deadlines.
 
 A sample is late if it came more than ``late_max_s`` after its deadline. The monitor ends the flight
-if more than the fraction ``late_max_share`` of the last second's samples is late. Periods that the
-host missed or the line lost just before a late sample count as late samples, too.
+if more than the fraction ``late_max_share`` of the last second's samples is late. Periods skipped
+just before a late sample count as late samples, too, but not those that the device skipped.
 
 A busy host delays some commands, a slow link or device delays all of them. So the report blames the
 link or the device if the 10 % quantile of the command-to-echo latencies exceeds `SLOW_PERIODS`

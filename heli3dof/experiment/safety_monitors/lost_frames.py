@@ -40,7 +40,7 @@ class LostFrames(SafetyMonitor):
         """t of the first sample with the present echo"""
 
     def __call__(self, now: Period) -> str | None:
-        # Periods that the host itself missed are no loss on the line.
+        # Periods skipped because the host was late are no loss on the line.
         lost = now.skipped - int(now.lateness / self._dt + 1e-6)
         if lost > self._most:
             gap_ms = 1e3 * (1 + lost) * self._dt
@@ -71,10 +71,10 @@ class LostFrames(SafetyMonitor):
                 return stopped_clock(now.t, self._unacknowledged * self._dt)
             return Trip(
                 f"the device acknowledged none of the last {self._unacknowledged} commands "
-                f"({1e3 * self._unacknowledged * self._dt:.0f} ms): the line loses frames, or the "
-                "device ignores commands",
-                f"{LINE_CAUSE[:-1]}; or a device that hangs, or whose driver does not report the "
-                "executed command's number.",
+                f"({1e3 * self._unacknowledged * self._dt:.0f} ms): the line loses frames or "
+                "delays them, or the device ignores commands",
+                f"{LINE_CAUSE[:-1]}; a latency above this time; or a device that hangs, or whose "
+                "driver does not report the executed command's number.",
                 LINE_FIX,
             )
         return None

@@ -121,10 +121,12 @@ FAULTS = (
 HYPOTHESES = (NORMAL, *FAULTS)
 
 
-def wiring_fault(moments: Sequence[Moment], profile: Profile, still_s: float = 0.0) -> Fault | None:
+def wiring_fault(
+    moments: Sequence[Moment], profile: Profile, invalid_s: float = 0.0
+) -> Fault | None:
     """Return the wiring fault that explains the motion before a trip; None if none clearly does.
 
-    ``moments``: the last control periods before the safety trip. ``still_s``: `Trip.still_s`.
+    ``moments``: the last control periods before the safety trip. ``invalid_s``: `Trip.invalid_s`.
     """
     if len(moments) < SHORTEST:
         return None
@@ -133,7 +135,7 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile, still_s: float = 0
     applied = np.array([m.applied for m in moments])
     if angle[-1, 0] < profile.encoder.rest_rad[0] - BELOW_TABLE and applied[-SHORTEST:].min() > 0:
         return FAULTS[0]
-    moved = t <= t[-1] - still_s
+    moved = t <= t[-1] - invalid_s
     t, angle, applied = t[moved], angle[moved], applied[moved]
     if len(t) < SHORTEST:
         return None
@@ -160,7 +162,7 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 
     ``moments``: the last control periods before the trip.
     """
-    fault = wiring_fault(moments, profile, trip.still_s) if trip.by_motion else None
+    fault = wiring_fault(moments, profile, trip.invalid_s) if trip.by_motion else None
     if fault is None:
         return trip
     return Trip(

@@ -21,11 +21,11 @@ MARGIN = 1e-4
 
 
 def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:
-    """Return the closed-loop poles (rad/s, rightmost first); raise UnstableLoop if any is unstable.
+    """Return `Model.loop_poles` (rad/s, rightmost first); raise UnstableLoop if one is unstable.
 
-    The exception names the poles with real part ≥ −`MARGIN` (rad/s). The poles are those of
-    `Model.loop_poles`. For a linear model, the poles of the loop that is sampled every ``dt`` s and
-    has the derivative filter must be stable, too: a low loop rate can make this loop unstable.
+    The exception names the poles with real part ≥ −`MARGIN` (rad/s). The hover model's poles are
+    those of the continuous loop. For it this function also checks, but does not return, the poles
+    of the loop sampled every ``dt`` s with the derivative filter: a low rate may destabilise it.
     """
     poles = model.loop_poles(controller, dt)
     unstable = poles[~(poles.real < -MARGIN)]
@@ -37,7 +37,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
             fix="fly another gain ([controller] K in the profile) or check it on the corrected "
             "model (--model hover)",
         )
-    if isinstance(model, LinearModel):
+    if isinstance(model, LinearModel) and model.physical_state:
         sampled = sampled_loop_poles(model, controller, dt)
         unstable = sampled[~(sampled.real < -MARGIN)]
         if len(unstable):

@@ -1,8 +1,8 @@
 """Find the records of a complete or damaged MCAP file; describe a file that is not an MCAP file.
 
-A file is torn if its end is missing. The ``mcap`` library's readers stop with an exception at the
-first damage. Here `scan` finds all records first, and its caller decides what to do with them.
-After unreadable bytes, `scan` continues at the next chunk whose checksum is right.
+The ``mcap`` library's readers stop with an exception at the first damage, such as a missing end.
+Here `scan` finds all records first, and its caller decides what to do with them. After unreadable
+bytes, `scan` continues at the next chunk whose checksum is right.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ def the_watchdog_latches_a_silent_host_until_it_arms(bench: Bench) -> None:
     _require_flight(host)
 
 
-def missed_periods_are_skipped_not_executed_in_a_burst(bench: Bench) -> None:
+def skipped_periods_are_not_executed_in_a_burst(bench: Bench) -> None:
     host = bench.open_to_move()
     if host.rig.identity.timebase == "virtual":
         raise unittest.SkipTest("a virtual clock does not advance while the host is away")
@@ -123,6 +123,6 @@ CASES = cases(
     a_voltage_that_is_not_finite_never_reaches_the_motors,
     closing_is_idempotent_and_final,
     the_watchdog_latches_a_silent_host_until_it_arms,
-    missed_periods_are_skipped_not_executed_in_a_burst,
+    skipped_periods_are_not_executed_in_a_burst,
     arming_while_armed_restarts_at_zero_volts,
 )

@@ -26,7 +26,7 @@ LOST_SHARE = 1e-3
 """Largest share of samples that may be missing"""
 WHERE = {
     "lost": "lost on the line",
-    "device_skipped": "not taken by the device",
+    "device_skipped": "skipped by the device",
     "samples_stale": "read too late by this computer",
 }
 """The link's counters of missing samples (`HasLinkStatistics`), in words"""

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from heli3dof.rig.clock import wait_until
+from heli3dof.rig.clock import LATE_S, wait_until
 from heli3dof.rig.doctor import COMPUTER, checks_of, verdict
 from heli3dof.rig.interface import Check
 from heli3dof.rig.profile import Profile
@@ -16,8 +16,6 @@ SYSTEM = Path("/sys/devices/system")
 QUICK_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "timebase", "riscv_clocksource")
 """Clock sources that are read without a system call"""
 WAKE_SECONDS = 1.0
-LATE_S = 1e-3
-"""s: a wake-up later than this is counted"""
 RESOLUTION_S = 1e-6
 """s: a coarser clock is reported"""
 

@@ -117,6 +117,10 @@ def test_host_and_firmware_find_the_same_frames_in_the_same_bytes(data: bytes):
     assert len(result) - len(taken) == splitter.malformed
 
 
+PAUSE = b"!"
+"""Instead of a host's bytes: the device paused until this time"""
+
+
 def until(device: Endpoint, now: int) -> bytes:
     """Called at every due time, as the replay is."""
     out = b""
@@ -125,9 +129,16 @@ def until(device: Endpoint, now: int) -> bytes:
     return out + device.tick(now)
 
 
+def replies(device: Endpoint, now: int, data: bytes) -> bytes:
+    if data == PAUSE:
+        device.held_up(now)
+        return device.tick(now)
+    return until(device, now) + device.receive(now, data)
+
+
 @st.composite
 def dialogues(draw: st.DrawFn) -> list[tuple[int, bytes]]:
-    """Valid and invalid bytes of a host with their times; the Python device gives the ticket."""
+    """Bytes of a host, or pauses, with their times; the Python device gives the ticket."""
     device, splitter = still_endpoint(), Splitter()
     now, ticket, spoken = 0, 1, []
     for _ in range(draw(st.integers(1, 25))):
@@ -135,9 +146,13 @@ def dialogues(draw: st.DrawFn) -> list[tuple[int, bytes]]:
         now += draw(st.integers(0, 3000))
         kind = draw(
             st.sampled_from((Hello, Arm, Arm, CommandFrame, CommandFrame, Poll, Disarm, Estop,
-                             Status, None))
+                             Status, None, PAUSE))
         )  # fmt: skip
-        if kind is None:
+        if kind is PAUSE:
+            data = PAUSE
+            # The emulated device neglects a delay of less than a period (here 60 ms at most).
+            now = max(now, (device.next_us() or 0) + 60_000)
+        elif kind is None:
             data = draw(st.one_of(lines(), st.binary(max_size=12)))
         elif kind is Arm:
             wrong = draw(st.sampled_from((0, 0, 0, 1, -1)))
@@ -153,7 +168,7 @@ def dialogues(draw: st.DrawFn) -> list[tuple[int, bytes]]:
         else:
             data = wire(kind(draw(NUMBER)))
         spoken.append((now, data))
-        for frame in splitter.feed(until(device, now) + device.receive(now, data)):
+        for frame in splitter.feed(replies(device, now, data)):
             if isinstance(frame, IdentityFrame | Ack | Report):
                 ticket = frame.ticket
     return spoken
@@ -165,8 +180,9 @@ def test_two_independent_devices_reply_with_the_same_bytes(spoken: list[tuple[in
     build("heli3dof-replay")
     python = still_endpoint()
     end = spoken[-1][0] + 100
-    expected = b"".join(until(python, now) + python.receive(now, data) for now, data in spoken)
+    expected = b"".join(replies(python, now, data) for now, data in spoken)
     expected += until(python, end)
-    text = "".join(f"{now} > {data.hex()}\n" for now, data in spoken) + f"{end} .\n"
+    said = (f"{now} !" if data == PAUSE else f"{now} > {data.hex()}" for now, data in spoken)
+    text = "\n".join(said) + f"\n{end} .\n"
     answered = [line.split(" < ")[1] for line in run("heli3dof-replay", text=text)]
     assert answered == [piece.hex() + "00" for piece in expected.split(b"\0")[:-1]]

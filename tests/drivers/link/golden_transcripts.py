@@ -171,11 +171,11 @@ NOISE = (
 LATE = (
     *_FLYING,
     host(3400, volts(2, V5)),
-    held_up(9000, "samples of 5000 and 7000 are skipped, without numbers"),
-    device(9000, sample(2, 2, 9000, V5, ENABLED, delay_us=400)),
+    held_up(9300, "samples of 5000 and 7000 are skipped, without numbers"),
+    device(9300, sample(2, 2, 9300, V5, ENABLED, delay_us=400), "the time when it was read"),
     device(11000, sample(3, 2, 11000, V5, ENABLED), "on the old grid"),
     host(11_100, Status(3)),
-    device(11_100, Report(3, 4, 0, 0, 0, 4000, 0, 11, ENABLED, 0, 2)),
+    device(11_100, Report(3, 4, 0, 0, 0, 4300, 0, 11, ENABLED, 0, 2)),
     host(11_200, Disarm(4)),
     device(11_200, Ack(4, Type.DISARM, Code.OK, 0, 0, 3)),
 )

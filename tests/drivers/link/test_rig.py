@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 from heli3dof_drivers.emulator.amplifier import FAULT
+from heli3dof_drivers.link.emergency_stop import stop_over
 from heli3dof_drivers.link.frames import (
     Ack,
     Arm,
@@ -19,7 +20,7 @@ from heli3dof_drivers.link.frames import (
     parse,
     wire,
 )
-from heli3dof_drivers.link.rig import LinkRig, stop_over
+from heli3dof_drivers.link.rig import LinkRig
 from heli3dof_drivers.link.sample_validation import cause_name
 
 from heli3dof.errors import DeviceError

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heli3dof.experiment.control_loop.control_period import Period
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.control_loop.ramp_down import HOVER_BAND, ramp_start
@@ -230,6 +231,14 @@ def test_an_output_that_reaches_zero_late_is_zero() -> None:
     short = PROFILE.model_copy(update={"limits": LIMITS.model_copy(update={"landing_s": 0.02})})
     outcome, _ = flown(rig, profile=short)
     assert (outcome.ending, rig.stopped) == ("completed", [])
+
+
+def test_the_index_of_the_ramp_is_the_plans_length_also_after_skipped_periods() -> None:
+    rig = ScriptedRig(late=lambda k: 5.5 * DT if k == 10 else 0.0, timebase="host")
+    seen: list[Period] = []
+    flown(rig, monitors=[seen.append])
+    assert [now.k for now in seen if not now.ramping_down] == [*range(10), *range(15, 100)]
+    assert {now.k for now in seen if now.ramping_down} == {100}
 
 
 def test_a_wrong_roll_sign_does_not_throw_the_arm() -> None:

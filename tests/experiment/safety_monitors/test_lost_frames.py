@@ -69,4 +69,5 @@ def test_a_device_that_repeats_one_sample_is_not_taken_for_a_bad_line() -> None:
 def test_a_device_that_acknowledges_nothing_may_also_ignore_the_commands() -> None:
     monitor = LostFrames(PROFILE)
     report = next(filter(None, (monitor(period(k, sequence=0)) for k in range(100))))
-    assert "the line loses frames, or the device ignores commands" in report
+    assert "the line loses frames or delays them, or the device ignores commands" in report
+    assert "a latency above this time" in report.cause

@@ -141,6 +141,7 @@ def test_chunks_after_unreadable_bytes_are_recovered(
         read_recording(path)
     assert "changed some bytes" in str(caught.value.cause)
     about = file_info(path)
+    assert about["torn"], "also with a complete end"
     result = recover(path)
     lost = sum(len(decode_chunk(whole.read_bytes()[slice(*chunks[i])])) for i in damaged)
     stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride

@@ -89,7 +89,7 @@ def test_the_devices_clock_reveals_lost_samples():
     ("counter", "words", "fix"),
     [
         ("lost", "lost on the line", "cable"),
-        ("device_skipped", "not taken by the device", "lower loop.rate_hz"),
+        ("device_skipped", "skipped by the device", "lower loop.rate_hz"),
         ("samples_stale", "read too late by this computer", "wake-up"),
     ],
 )
