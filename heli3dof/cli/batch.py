@@ -12,12 +12,10 @@ import typer
 
 from heli3dof.cli import completion
 from heli3dof.cli.options import (
-    AsJson,
     Cluster,
     LogProfile,
     ProfileFile,
     Quick,
-    Quiet,
     Seed,
     log_profile,
     rig_profile,
@@ -77,6 +75,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def identify(
+    out: Output,
     recordings: Words,
     output: Folder,
     method: Annotated[str, typer.Option(help="As in heli3dof identify.")] = "greybox",
@@ -95,8 +94,6 @@ def identify(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Identify a model from each recording: heli3dof batch identify term-1/ -o OUT."""
     from heli3dof.identification.greybox.method import chosen_terms
@@ -106,14 +103,12 @@ def identify(
     if terms is not None:
         chosen_terms(terms)
     options = [{"method": method, "order": order, "terms": terms}]
-    _run(
-        "identify", recordings, options, output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "identify", recordings, options, output, where, resume, workers, cluster, profile)
 
 
 @verb
 def diagnose(
+    out: Output,
     recordings: Words,
     output: Folder,
     bootstrap: Annotated[
@@ -133,21 +128,17 @@ def diagnose(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Diagnose each recording: heli3dof batch diagnose term-1/ -o OUT --quick."""
     options = [
         {"quick": quick, "seed": seed, "replicate": replicate} for replicate in range(bootstrap + 1)
     ]
-    _run(
-        "diagnose", recordings, options, output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "diagnose", recordings, options, output, where, resume, workers, cluster, profile)
 
 
 @verb
 def compare(
+    out: Output,
     recordings: Words,
     output: Folder,
     model: Annotated[
@@ -164,21 +155,17 @@ def compare(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Compare models with each recording: heli3dof batch compare term-1/ -o OUT --model m.json."""
     from heli3dof.batch.analyses import model_texts
 
     options = [{"models": model_texts(model or ["hover"])}]
-    _run(
-        "compare", recordings, options, output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "compare", recordings, options, output, where, resume, workers, cluster, profile)
 
 
 @verb
 def info(
+    out: Output,
     recordings: Words,
     output: Folder,
     where: Where = "",
@@ -186,36 +173,28 @@ def info(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """List what each recording contains: heli3dof batch info term-1/ -o OUT."""
-    _run(
-        "info", recordings, [{}], output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "info", recordings, [{}], output, where, resume, workers, cluster, profile)
 
 
 @verb
 def recover(
+    out: Output,
     recordings: Words,
     output: Folder,
     where: Where = "",
     resume: Resume = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Copy the intact part of each incomplete recording: heli3dof batch recover term-1/ -o OUT."""
-    _run(
-        "recover", recordings, [{}], output, where, resume, workers, cluster, None,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "recover", recordings, [{}], output, where, resume, workers, cluster, None)
 
 
 @verb
 def run(
+    out: Output,
     sweep: Annotated[
         Path,
         typer.Option(
@@ -227,19 +206,18 @@ def run(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: ProfileFile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Fly many emulated rigs: heli3dof batch run --sweep sweep.toml -o OUT."""
     from heli3dof.batch.sweep import tasks_of_sweep
 
     tasks = tasks_of_sweep(sweep, rig_profile(profile).with_controller())
-    run_tasks(tasks, output, resume, workers, cluster, Output(as_json=as_json, quiet=quiet))
+    run_tasks(tasks, output, resume, workers, cluster, out)
 
 
 def _run(
-    name: str, words: Sequence[str], options: Sequence[Mapping[str, Any]], output: Path, where: str,
-    resume: bool, workers: int | None, cluster: str | None, profile: Path | None, out: Output,
+    out: Output, name: str, words: Sequence[str], options: Sequence[Mapping[str, Any]],
+    output: Path, where: str, resume: bool, workers: int | None, cluster: str | None,
+    profile: Path | None,
 ) -> None:  # fmt: skip
     """Run the subcommand ``name`` on the recordings that ``words`` name, and print the results.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli import completion
-from heli3dof.cli.options import AsJson, Force, PaperNumbers, ProfileFile, Quiet, Verbose
+from heli3dof.cli.options import Force, PaperNumbers, ProfileFile, Verbose
 from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def compare(
+    out: Output,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -50,21 +51,13 @@ def compare(
     ] = False,
     paper: PaperNumbers = False,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Compare models with flights; default: the recordings that come with heli3dof.
 
     Example: heli3dof compare rec.mcap hover model.json
     """
-    from heli3dof.cli.inputs import (
-        are_supplied,
-        load_all,
-        models_for,
-        reference_comparison,
-        split,
-    )
+    from heli3dof.cli.inputs import are_supplied, load_all, models_for, reference_comparison, split
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.document import comparison_document
     from heli3dof.model.linear.hover import hover_model
@@ -72,7 +65,6 @@ def compare(
     from heli3dof.recording.atomic_write import check_folder, check_outputs
     from heli3dof.rig.profile import default_profile
 
-    out = Output(as_json=as_json, quiet=quiet)
     folder = output or Path("comparisons") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     check_folder(folder)
     names: list[str] = []

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from heli3dof.cli.options import (
-    AsJson,
     Cluster,
     Force,
     Holdout,
     LogProfile,
     OutputFile,
     Quick,
-    Quiet,
     Recordings,
     ReportFile,
     Seed,
@@ -44,6 +42,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def diagnose(
+    out: Output,
     recordings: Recordings,
     holdout: Holdout = None,
     base: Annotated[
@@ -57,8 +56,6 @@ def diagnose(
     output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
@@ -73,7 +70,6 @@ def diagnose(
     from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
-    out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
     inputs = [*recordings, *(holdout or [])]
     check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)

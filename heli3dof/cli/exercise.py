@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from heli3dof.axes import AXES
-from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet, Seed
+from heli3dof.cli.options import Force, OutputFile, Seed
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import CheckFailed, UsageError, quoted
 
@@ -42,13 +42,12 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def new(
+    out: Output,
     level: Annotated[int, typer.Option("--level", min=1, max=5, help="1: easy … 5: hard.")],
     seed: Seed = 0,
     output: OutputFile = None,
     key: Key = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Hide effects in an emulated rig: heli3dof exercise new --seed 7 --level 2."""
     from heli3dof.exercise.levels import LEVELS
@@ -56,7 +55,6 @@ def new(
     from heli3dof.recording.atomic_write import check_output, write_file
     from heli3dof.rig.sealed_rig import check_nacl
 
-    out = Output(as_json=as_json, quiet=quiet)
     check_nacl()
     path, key_path = output or Path("rig.exercise"), key or default_key()
     check_output(path, force=force)
@@ -85,6 +83,7 @@ def new(
 
 @verb
 def submit(
+    out: Output,
     diagnoses: Annotated[
         list[Path] | None,
         typer.Argument(metavar="DIAGNOSIS...", help="Output of diagnose --json."),
@@ -107,15 +106,12 @@ def submit(
     ] = None,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write an answer to an exercise: heli3dof exercise submit diagnosis.json --name "Ada"."""
     from heli3dof.exercise.answer import make_answer, read_diagnosis, statements
     from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.sealed_rig import read_exercise
 
-    out = Output(as_json=as_json, quiet=quiet)
     path, files = output or Path("answer.json"), diagnoses or []
     if not files and not cause:
         raise UsageError(
@@ -142,16 +138,14 @@ def submit(
 
 @verb
 def mark(
+    out: Output,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the answers.")],
     key: Key = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Mark the answers of a class: heli3dof exercise mark answers/."""
     from heli3dof.exercise.mark_folder import mark_folder
     from heli3dof.exercise.teacher_key import default_key
 
-    out = Output(as_json=as_json, quiet=quiet)
     rows = mark_folder(folder, _key(out, key or default_key()))
     documents = [row.document() for row in rows]
     out.show(*_hidden_effects(documents), _table(documents))
@@ -163,12 +157,11 @@ def mark(
 
 
 @verb
-def open_(file: Sealed, key: Key = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def open_(out: Output, file: Sealed, key: Key = None) -> None:
     """Show the hidden effects of an exercise: heli3dof exercise open rig.exercise."""
     from heli3dof.exercise.teacher_key import default_key, open_truth
     from heli3dof.rig.sealed_rig import read_exercise
 
-    out = Output(as_json=as_json, quiet=quiet)
     exercise = read_exercise(file)
     truth = open_truth(_key(out, key or default_key()), exercise)
     out.show(f"Exercise {exercise.id}, level {exercise.level}:")

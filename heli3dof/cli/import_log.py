@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, rig_profile
+from heli3dof.cli.options import Columns, Force, LogProfile, OutputFile, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import minus
 
@@ -33,6 +33,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def import_log(
+    out: Output,
     logs: Annotated[
         list[Path],
         typer.Argument(
@@ -52,8 +53,6 @@ def import_log(
     ] = None,
     columns: Columns = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
@@ -65,7 +64,6 @@ def import_log(
     from heli3dof.recording.logs.preview import preview
     from heli3dof.recording.write import write_recording
 
-    out = Output(as_json=as_json, quiet=quiet)
     given = parse_mapping(mapping or ())
     there = all(log.exists() for log in logs)  # if not, read_log reports the missing one
     named = " ".join(map(str, logs))

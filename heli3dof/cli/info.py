@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Columns, LogProfile, Quiet, Recording, Verbose, log_profile
+from heli3dof.cli.options import Columns, LogProfile, Recording, Verbose, log_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import minus
 
@@ -29,11 +29,10 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def info(
+    out: Output,
     recording: Recording,
     profile: LogProfile = None,
     columns: Columns = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Show what a recording contains: outcome, angles, the steps' overshoot and rise time, source.
@@ -45,7 +44,6 @@ def info(
     from heli3dof.comparison.metrics import flight_metrics
     from heli3dof.recording.info import read_with_info
 
-    out = Output(as_json=as_json, quiet=quiet)
     flight, about = read_with_info(recording, log_profile(profile), columns)
     # Metrics need at least two samples, and time stamps that increase.
     metrics = flight_metrics(flight) if about["timing"] else {}

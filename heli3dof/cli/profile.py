@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, OutputFile, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.options import Force, OutputFile, ProfileFile, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import ProfileError, UnstableLoop, UsageError, minus
 
@@ -41,6 +41,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def new(
+    out: Output,
     words: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="E.g. geometry.L_a=0.66. Repeatable."),
@@ -57,8 +58,6 @@ def new(
     ] = False,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
     from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys
@@ -67,7 +66,6 @@ def new(
     from heli3dof.rig.profile_file import merged, new_text, settings
     from heli3dof.toml_file import read_toml, value_at
 
-    out = Output(as_json=as_json, quiet=quiet)
     path = output or Path("rig.toml")
     check_output(path, force=force)
     given = settings(words or ())
@@ -107,13 +105,12 @@ def new(
 
 
 @verb
-def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def show(out: Output, file: File = None) -> None:
     """Show every number of a profile with its unit, derived quantities and stability margins."""
     from rich.table import Table
 
     from heli3dof.toml_file import key_of, keys, value_at
 
-    out = Output(as_json=as_json, quiet=quiet)
     profile = rig_profile(file)
     table = Table("key", "value", "unit", "meaning")
     table.columns[0].no_wrap = True
@@ -135,9 +132,8 @@ def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> No
 
 
 @verb
-def check(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def check(out: Output, file: File = None) -> None:
     """Check a profile: keys, plausible numbers, and the stability of its loop."""
-    out = Output(as_json=as_json, quiet=quiet)
     profile = rig_profile(file)
     loop = _check_loop(out, profile)
     if not _report(out, file, profile, loop):
@@ -147,6 +143,7 @@ def check(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> N
 
 @verb
 def update(
+    out: Output,
     source: Annotated[
         Path,
         typer.Option("--from", metavar="FILE", help="A model file, or a diagnose --json file."),
@@ -154,8 +151,6 @@ def update(
     profile: ProfileFile = None,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a profile with measured numbers: profile update --from MODEL --profile rig.toml."""
     from rich.table import Table
@@ -170,7 +165,6 @@ def update(
     from heli3dof.rig.profile import default_profile, load_profile, profile_from_dict
     from heli3dof.rig.profile_file import changed_text, new_text
 
-    out = Output(as_json=as_json, quiet=quiet)
     stem = "rig" if profile is None else profile.stem
     path = output or default_output(Path(f"{stem}-calibrated.toml"), force=force)
     check_output(path, force=force)

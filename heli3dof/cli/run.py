@@ -11,14 +11,12 @@ import typer
 
 from heli3dof.cli import completion
 from heli3dof.cli.options import (
-    AsJson,
     Device,
     DryRun,
     Force,
     OutputFile,
     ProfileFile,
     Quick,
-    Quiet,
     Seed,
     rig_profile,
 )
@@ -44,6 +42,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def run(
+    out: Output,
     plan: Annotated[
         str | None,
         typer.Argument(
@@ -67,8 +66,6 @@ def run(
     force: Force = False,
     seed: Seed = 0,
     dry_run: DryRun = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Fly a plan and record it: heli3dof run steps, or heli3dof run my-plan.toml."""
     from heli3dof.experiment.plan import load_plan
@@ -79,7 +76,6 @@ def run(
             cause="neither a plan nor --auto was given.",
             fix="heli3dof run rich, or heli3dof run --auto",
         )
-    out = Output(as_json=as_json, quiet=quiet)
     chosen = load_plan(plan or FIRST)
     rig = rig_profile(profile).with_controller()
     if not auto:

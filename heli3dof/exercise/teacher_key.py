@@ -19,14 +19,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.exercise.levels import Cause, draw
-from heli3dof.rig.sealed_rig import (
-    Exercise,
-    HiddenRig,
-    check_nacl,
-    padded,
-    read_small,
-    sealed_rig,
-)
+from heli3dof.rig.sealed_rig import Exercise, HiddenRig, check_nacl, padded, read_small, sealed_rig
 from heli3dof.rig.session.paths import state_folder
 
 if TYPE_CHECKING:

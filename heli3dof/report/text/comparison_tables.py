@@ -19,13 +19,7 @@ from heli3dof.comparison.result import (
     ModelComparison,
     PredictionError,
 )
-from heli3dof.comparison.verdict import (
-    HORIZON_S,
-    STILL,
-    prediction_errors,
-    replay_errors,
-    verdict,
-)
+from heli3dof.comparison.verdict import HORIZON_S, STILL, prediction_errors, replay_errors, verdict
 from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.report.text.number_format import NONE, fixed, short
