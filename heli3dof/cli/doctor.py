@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.device_option import AnyDevice, device_or_default
-from heli3dof.cli.options import ProfileFile, rig_profile
+from heli3dof.cli.options import AnyDevice, ProfileFile, device_or_default, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import CheckFailed, DeviceError
 

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.device_option import AnyDevice, device_or_default
-from heli3dof.cli.options import ProfileFile, rig_profile
+from heli3dof.cli.options import AnyDevice, ProfileFile, device_or_default, rig_profile
 from heli3dof.cli.output import INTERRUPTED, Output, live_allowed, verb
 
 if TYPE_CHECKING:
