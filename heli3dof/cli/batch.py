@@ -20,7 +20,7 @@ from heli3dof.cli.options import (
     log_profile,
     rig_profile,
 )
-from heli3dof.cli.output import Output, live_allowed, verb
+from heli3dof.cli.output import Output, add_family, live_allowed, verb
 from heli3dof.errors import RecordingError, UsageError
 
 if TYPE_CHECKING:
@@ -62,15 +62,9 @@ Workers = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    for function in (identify, diagnose, compare, info, recover, run):
-        family.command(function.__name__)(function)
-    app.add_typer(
-        family,
-        name="batch",
-        help="Run a subcommand on many recordings: one row of a table each.",
-        rich_help_panel="Many recordings",
-    )
+    verbs = {f.__name__: f for f in (identify, diagnose, compare, info, recover, run)}
+    help = "Run a subcommand on many recordings: one row of a table each."
+    add_family(app, "batch", verbs, help=help, heading="Many recordings")
 
 
 @verb

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli.options import Force
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output import Output, add_family, verb
 from heli3dof.errors import CheckFailed, UsageError, quoted
 
 if TYPE_CHECKING:
@@ -16,16 +16,9 @@ if TYPE_CHECKING:
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    family.command("new")(new)
-    family.command("list")(list_effects)
-    family.command("check")(check)
-    app.add_typer(
-        family,
-        name="effect",
-        help="Write, list and check effects: heli3dof effect list.",
-        rich_help_panel="Model",
-    )
+    verbs = {"new": new, "list": list_effects, "check": check}
+    help = "Write, list and check effects: heli3dof effect list."
+    add_family(app, "effect", verbs, help=help, heading="Model")
 
 
 @verb

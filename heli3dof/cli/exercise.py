@@ -11,7 +11,7 @@ import typer
 
 from heli3dof.axes import AXES
 from heli3dof.cli.options import Force, OutputFile, Seed
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output import Output, add_family, verb
 from heli3dof.errors import CheckFailed, UsageError, quoted
 
 if TYPE_CHECKING:
@@ -27,17 +27,9 @@ Sealed = Annotated[Path, typer.Argument(metavar="FILE", help="The exercise's sea
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    family.command("new")(new)
-    family.command("submit")(submit)
-    family.command("mark")(mark)
-    family.command("open")(open_)
-    app.add_typer(
-        family,
-        name="exercise",
-        help="Make a rig with hidden effects for students; mark their answers.",
-        rich_help_panel="Teach",
-    )
+    verbs = {"new": new, "submit": submit, "mark": mark, "open": open_}
+    help = "Make a rig with hidden effects for students; mark their answers."
+    add_family(app, "exercise", verbs, help=help, heading="Teach")
 
 
 @verb

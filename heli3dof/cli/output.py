@@ -212,6 +212,24 @@ def verb(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
+def add_family(
+    app: typer.Typer,
+    name: str,
+    verbs: Mapping[str, Callable[..., None]],
+    *,
+    help: str,
+    heading: str,
+) -> None:
+    """Add the subcommand ``name`` with subcommands of its own: ``verbs``, name → function.
+
+    ``heading``: where ``heli3dof --help`` lists it.
+    """
+    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+    for word, function in verbs.items():
+        family.command(word)(function)
+    app.add_typer(family, name=name, help=help, rich_help_panel=heading)
+
+
 def _common_options(as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Define the options that `verb` adds."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from heli3dof.cli.options import Force, OutputFile, ProfileFile, rig_profile
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output import Output, add_family, verb
 from heli3dof.errors import ProfileError, UnstableLoop, UsageError, minus
 
 if TYPE_CHECKING:
@@ -26,17 +26,9 @@ File = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    family.command("new")(new)
-    family.command("show")(show)
-    family.command("check")(check)
-    family.command("update")(update)
-    app.add_typer(
-        family,
-        name="profile",
-        help="Write, show, check or correct a rig's profile.",
-        rich_help_panel="Plans and rigs",
-    )
+    verbs = {"new": new, "show": show, "check": check, "update": update}
+    help = "Write, show, check or correct a rig's profile."
+    add_family(app, "profile", verbs, help=help, heading="Plans and rigs")
 
 
 @verb
