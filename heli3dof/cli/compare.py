@@ -79,7 +79,8 @@ def compare(
             recordings, identified = reference_comparison()
     names = names or ["hover"]
     if folder.exists():
-        check_outputs(*_figure_paths(recordings, folder), force=force)
+        files = (_figure_path(folder, r, a, e) for r in recordings for a in r.axes for e in FORMATS)
+        check_outputs(*files, force=force)
 
     def models(recording: Recording) -> list[Model]:
         return [*models_for(names, recording), *identified]
@@ -93,16 +94,13 @@ def compare(
     show_comparison(out, comparison, shown, paper=paper or supplied, verbose=verbose)
     for warning in comparison.warnings:
         out.warn(warning)
-    if not identify_controller and any(_may_be_identified(r) for r in recordings):
+    unknown = [r for r in recordings if r.profile.controller is None]
+    if not identify_controller and any(r.has_reference(a) for r in unknown for a in r.axes):
         out.note("To replay logs without [controller] in closed loop, add --identify-controller")
     out.note(f"Figures: {folder}")
     if not verbose:
         out.note("For step metrics and all horizons add --verbose")
     out.emit({**comparison_document(comparison, published), "figures": [str(f) for f in figures]})
-
-
-def _may_be_identified(r: Recording) -> bool:
-    return r.profile.controller is None and any(r.has_reference(a) for a in r.axes)
 
 
 def show_comparison(
@@ -131,10 +129,6 @@ def show_comparison(
     if published:
         lines.append(published_table(published))
     out.show(*lines)
-
-
-def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
-    return [_figure_path(folder, r, a, e) for r in recordings for a in r.axes for e in FORMATS]
 
 
 def _figure_path(folder: Path, recording: Recording, axis: str, ending: str) -> Path:

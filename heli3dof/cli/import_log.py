@@ -63,6 +63,7 @@ def import_log(
     from heli3dof.recording.logs.import_log import is_log, read_log, recording_of
     from heli3dof.recording.logs.preview import preview
     from heli3dof.recording.write import write_recording
+    from heli3dof.rig.profile_file import literal
 
     given = parse_mapping(mapping or ())
     there = all(log.exists() for log in logs)  # if not, read_log reports the missing one
@@ -79,7 +80,11 @@ def import_log(
     found = preview(log.table)
     out.show(*_lines(found))
     if given:
-        out.show(*_profile_table(given, profile))
+        out.show(
+            f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:",
+            "[log]",
+            *(f"{name} = {literal(expression)}" for name, expression in given.items()),
+        )
     recording = recording_of(log)
     for warning in recording.meta.get("warnings", ()):
         out.warn(warning)
@@ -129,13 +134,3 @@ def _row(column: Mapping[str, Any]) -> list[str]:
         for k in ("first", "min", "max")
     )
     return [column["name"], column["source"], column["unit"], *numbers]
-
-
-def _profile_table(given: Mapping[str, str], profile: Path | None) -> Iterator[str]:
-    """Yield lines that state how to store the column mapping ``given`` in the rig's profile."""
-    from heli3dof.rig.profile_file import literal
-
-    yield f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:"
-    yield "[log]"
-    for name, expression in given.items():
-        yield f"{name} = {literal(expression)}"

@@ -15,7 +15,7 @@ from heli3dof.errors import minus
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+    from heli3dof.comparison.metrics import AxisMetrics
 
 DETAILS = ("channels", "source", "started utc", "digest")
 """Names of the table's rows that only --verbose prints"""
@@ -61,7 +61,10 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
     """Print a table of the references' steps, if any, with at most ``most`` rows (None: all)."""
     from heli3dof.report.text.comparison_tables import metrics_of
 
-    stepped = {a: replace(m, steps=_real_steps(m)) for a, m in metrics.items()}
+    stepped = {
+        a: replace(m, steps=tuple(s for s in m.steps if s.kind in ("step", "start")))
+        for a, m in metrics.items()
+    }
     grid = metrics_of(stepped, "Steps of the reference")
     more = 0 if most is None else len(grid.rows) - most
     if more > 0:
@@ -72,10 +75,6 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
         )
     if grid.rows:
         out.show(grid)
-
-
-def _real_steps(metrics: AxisMetrics) -> tuple[StepMetrics, ...]:
-    return tuple(s for s in metrics.steps if s.kind in ("step", "start"))
 
 
 def info_table(about: Mapping[str, Any], *, brief: bool = False) -> Table:

@@ -71,7 +71,13 @@ def new(
     if value_at(data, COMPUTED) is None:
         _compute_hover_voltage(data, remarks)
     if no_controller:
-        _remove_controller(given, data)
+        if "controller" in given:
+            raise UsageError(
+                "--no-controller contradicts --set controller.…",
+                cause="a profile without [controller] means that the controller is unknown.",
+                fix="one of the two",
+            )
+        data.pop("controller", None)
     elif value_at(given, "controller.K") is None:
         _design_gain(data, remarks)
     profile = profile_from_dict(data, source=SOURCE)
@@ -225,17 +231,6 @@ def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
         "Designed by heli3dof profile new: LQR of the hover model with two integrals, "
         "Q = diag(100, 1, 10, 0, 0, 2, 10, 0.1), R = 0.05 (24/v_max)²"
     )
-
-
-def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
-    """Remove the controller from profile ``data``; UsageError if ``--set`` (``given``) sets one."""
-    if "controller" in given:
-        raise UsageError(
-            "--no-controller contradicts --set controller.…",
-            cause="a profile without [controller] means that the controller is unknown.",
-            fix="one of the two",
-        )
-    data.pop("controller", None)
 
 
 def _check_loop(out: Output, profile: Profile) -> LoopCheck:
