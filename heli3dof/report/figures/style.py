@@ -8,6 +8,8 @@ functions, because its import takes half a second.
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +25,8 @@ SOFT = "#6e7781"
 GRID = "#e4e7eb"
 VERMILION, BLUE, GREEN = "#D55E00", "#0072B2", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
+TITLE_WIDTH = 74
+"""Largest number of characters in a title"""
 SYMBOLS = {"roll": "r", "pitch": "p", "yaw": "ψ"}
 """Axis → symbol of its angle in labels"""
 FORMATS: dict[str, dict[str, Any]] = {
@@ -116,6 +120,19 @@ def model_lines(kinds: list[str]) -> list[Line]:
             lines.append(IDENTIFIED[identified % len(IDENTIFIED)])
             identified += 1
     return lines
+
+
+@contextmanager
+def new_figure(width: float, height: float, title: str) -> Iterator[Figure]:
+    """Context manager: yield a figure of ``width`` × ``height`` inches with a title, to draw on."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=(width, height))
+        text = plain(title, TITLE_WIDTH)
+        figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
+        yield figure
 
 
 def to_svg(figure: Figure) -> str:
