@@ -7,6 +7,7 @@ its end is missing, for example because the program was killed.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "name": recording.name,
         "samples": len(recording),
         "duration_s": recording.duration if len(recording) else 0.0,
-        "timing": timing(recording.t).to_dict() if len(recording) > 1 and not stuck else None,
+        "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
         "voltage": {

@@ -66,7 +66,15 @@ def join(tables: Sequence[Table]) -> Table:
     for table in tables:
         n = _length(table)
         if "t_s" not in table.columns and n != _length(first):
-            raise _other_length(table, first)
+            named = (
+                f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples"
+                for t in (first, table)
+            )
+            raise RecordingError(
+                f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
+                cause="they were logged at different rates, or are of different flights.",
+                fix="log all of them at the control rate, each with its time",
+            )
         keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
         if len(keep) < n and "t_s" in table.columns:
             warnings.append(
@@ -144,15 +152,6 @@ def _check_rate(first: Table, period: float, other: Table) -> None:
             cause="a decimated log, or a clock in milliseconds.",
             fix="log all signals at the control rate, with time in seconds",
         )
-
-
-def _other_length(table: Table, first: Table) -> RecordingError:
-    named = [f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples" for t in (first, table)]
-    return RecordingError(
-        f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
-        cause="they were logged at different rates, or are of different flights.",
-        fix="log all of them at the control rate, each with its time",
-    )
 
 
 def _length(table: Table) -> int:

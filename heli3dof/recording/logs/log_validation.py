@@ -7,7 +7,7 @@ which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,9 +58,6 @@ class Timing:
     longest_gap_s: float
     lost_share: float
     """Samples missing in the gaps, as a share of all expected samples"""
-
-    def to_dict(self) -> dict[str, float]:
-        return asdict(self)
 
 
 def timing(t: np.ndarray) -> Timing:

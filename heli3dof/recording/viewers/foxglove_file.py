@@ -56,7 +56,8 @@ def foxglove_bytes(recording: Recording) -> bytes:
         about = {"columns": json.dumps(names)} if layout.name == "Channels" else {}
         channel = writer.register_channel(layout.topic, "protobuf", schema, about)
         payload = rows[layout.name][list(layout.payload.names or ())].astype(layout.payload)
-        streams.append((channel, list(zip(times, map(bytes, _records(payload)), strict=True))))
+        records = payload.view(np.uint8).reshape(len(payload), -1)
+        streams.append((channel, list(zip(times, map(bytes, records), strict=True))))
     for topic in dict.fromkeys(at for at, _, _ in extra):
         own = [(time, message) for at, time, message in extra if at == topic]
         example = _json(json_schema(own[0][1]))
@@ -69,11 +70,6 @@ def foxglove_bytes(recording: Recording) -> bytes:
         writer.add_message(channel, time, payloads[k][1], time, k)
     writer.finish()  # type: ignore[no-untyped-call]
     return out.getvalue()
-
-
-def _records(payload: np.ndarray) -> np.ndarray:
-    """Return the n messages of a structured array (n,) as an array (n, length) of bytes."""
-    return payload.view(np.uint8).reshape(len(payload), -1)
 
 
 def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int, Message]]:
@@ -89,11 +85,11 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
     for row, arm, body in zip(
         found.rows.tolist(), found.arm.tolist(), found.body.tolist(), strict=True
     ):
-        pair = (
+        pair = [
             _transform(times[row], BASE, ARM, found.arm_origin, arm),
             _transform(times[row], ARM, BODY, found.body_origin, body),
-        )
-        yield transforms, times[row], {"transforms": list(pair)}
+        ]
+        yield transforms, times[row], {"transforms": pair}
     meta = recording.meta
     about = f"{meta.get('source', 'recording')} {recording.name}, rig {recording.profile.name}"
     yield log, first, _log(first, INFO, about)

@@ -129,16 +129,13 @@ def _header_line(lines: list[str]) -> int:
     for i, line in enumerate(lines):
         separator = _separator(line)
         rows = [_cells(x, separator) for x in lines[i:]]
-        numbers = next((k for k, row in enumerate(rows) if _mostly_numbers(row)), None)
+        shares = (2 * sum(_is_number(c.replace(",", ".")) for c in row) > len(row) for row in rows)
+        numbers = next((k for k, mostly_numbers in enumerate(shares) if mostly_numbers), None)
         if numbers == 0:
             break
         if numbers and not line.startswith("#") and len(rows[0]) == len(rows[numbers]):
             return i
     return 0
-
-
-def _mostly_numbers(row: list[str]) -> bool:
-    return 2 * sum(_is_number(cell.replace(",", ".")) for cell in row) > len(row)
 
 
 def _separator(line: str) -> str:
