@@ -11,8 +11,8 @@ the hover voltage, else at once. The loop also records the periods of the ramp.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError
@@ -31,7 +31,7 @@ from heli3dof.experiment.plan import Signals
 from heli3dof.model.control.loop_opening import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.interface import Identity, Rig, Sample
+from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
@@ -104,7 +104,12 @@ def fly(
             returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
-    with _granted(rig.identity) as granted:
+    with ExitStack() as undo:
+        if rig.identity.timebase == "virtual":
+            quiet_interpreter(undo)
+            granted = None
+        else:
+            granted = undo.enter_context(realtime())
         end, sample = flight.fly_plan()
         end, ramp = flight.ramp_down(end, sample, stop_without_ramp, awaits_fall)
         return flight.outcome(end, ramp, granted)
@@ -364,18 +369,3 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
         ending: Ending = "device" if isinstance(ramp.error, DeviceError) else "error"
         return _End(ending, ramp.reason, ramp.error)
     return replace(end, detail=detail) if ramp.reason else end
-
-
-@contextmanager
-def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: request the real-time settings; yield which of them the system granted.
-
-    ``identity``: the identity of the device. If its timebase is virtual, this function sets only
-    garbage collection and the interpreter's thread switching, and yields None.
-    """
-    with ExitStack() as undo:
-        if identity.timebase == "virtual":
-            quiet_interpreter(undo)
-            yield None
-        else:
-            yield undo.enter_context(realtime())

@@ -80,15 +80,6 @@ class Fault(NamedTuple):
     """Rows: effective voltage of the front, the back motor; columns: front, back voltage applied"""
 
 
-def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the matrix from applied to effective voltages (`Fault.mix`) with a faulty motor.
-
-    ``motor``: 0 front, 1 back; ``gain``: factor of its thrust, 0 for none, −1 for the wrong
-    direction.
-    """
-    return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
-
-
 NORMAL = Fault("", "")
 _SIGN = "change the sign of encoder.{axis} in the profile, then turn it by hand: heli3dof monitor"
 FAULTS = (
@@ -106,7 +97,11 @@ FAULTS = (
         mix=((0, 1), (1, 0)),
     ),
     *(
-        Fault(f"the {motor} motor {what}", fix.format(motor=motor), mix=_mix(i, gain))
+        Fault(
+            f"the {motor} motor {what}",
+            fix.format(motor=motor),
+            mix=((gain, 0), (0, 1)) if i == 0 else ((1, 0), (0, gain)),
+        )
         for what, fix, gain in (
             (
                 "does not pull",
