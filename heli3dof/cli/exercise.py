@@ -44,12 +44,12 @@ def new(
     """Hide effects in an emulated rig: heli3dof exercise new --seed 7 --level 2."""
     from heli3dof.exercise.levels import LEVELS
     from heli3dof.exercise.teacher_key import default_key, new_key, seal
-    from heli3dof.recording.atomic_write import check_output, write_file
+    from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.sealed_rig import check_nacl
 
     check_nacl()
     path, key_path = output or Path("rig.exercise"), key or default_key()
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     made = not key_path.exists()
     if made:
         new_key(key_path)

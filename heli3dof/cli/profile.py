@@ -53,13 +53,13 @@ def new(
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
     from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys
-    from heli3dof.recording.atomic_write import check_output, write_file
+    from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
     from heli3dof.rig.profile_file import merged, new_text, settings
     from heli3dof.toml_file import read_toml, value_at
 
     path = output or Path("rig.toml")
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     given = settings(words or ())
     check_keys(given)
     data = given
@@ -159,13 +159,13 @@ def update(
         check_same_rig,
         read_calibration,
     )
-    from heli3dof.recording.atomic_write import check_output, default_output, write_file
+    from heli3dof.recording.atomic_write import check_outputs, default_output, write_file
     from heli3dof.rig.profile import default_profile, load_profile, profile_from_dict
     from heli3dof.rig.profile_file import changed_text, new_text
 
     stem = "rig" if profile is None else profile.stem
     path = output or default_output(Path(f"{stem}-calibrated.toml"), force=force)
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     measured = read_calibration(source)
     if profile is not None:
         rig, text = load_profile(profile), profile.read_text(encoding="utf-8-sig")

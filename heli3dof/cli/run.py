@@ -104,7 +104,7 @@ def fly(
     of the flight's error.
     """
     from heli3dof.experiment.control_loop.signal_handling import ignore_signals
-    from heli3dof.recording.atomic_write import check_output, new_folder
+    from heli3dof.recording.atomic_write import check_outputs, new_folder
 
     if dry_run:
         _show_plan(out, plan, profile, device, seed)
@@ -112,7 +112,7 @@ def fly(
     if output is None:
         output = default_path(plan.name)
         new_folder(output.parent)
-    check_output(output, force=force)
+    check_outputs(output, force=force)
     meta = {"command_line": ["heli3dof", *sys.argv[1:]]}
     flight = fly_with_progress(out, plan, profile, device, seed, output, force=force, meta=meta)
     ignore_signals()

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.errors import UsageError, quoted
-from heli3dof.recording.atomic_write import check_output, write_file
+from heli3dof.recording.atomic_write import check_outputs, write_file
 from heli3dof.recording.columns import export_columns
 from heli3dof.recording.mcap_files.mcap_writer import to_json
 from heli3dof.recording.recording import Recording
@@ -34,7 +34,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     """
     path = Path(path)
     check_format(path)
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     write = next(w for ending, w in FORMATS.items() if path.name.lower().endswith(ending))
     return write_file(path, write(recording, export_columns(recording)), force=force)
 

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError, quoted
-from heli3dof.recording.atomic_write import check_output, mode
+from heli3dof.recording.atomic_write import check_outputs, mode
 from heli3dof.recording.mcap_files.chunk import rows_of_chunk
 from heli3dof.recording.mcap_files.fsync import Syncer
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, McapFile
@@ -63,7 +63,7 @@ class RecordingWriter:
         """
         self.path = Path(path)
         self.start_ns = time.time_ns()
-        check_output(self.path, force=force)
+        check_outputs(self.path, force=force)
         self._queue: deque[bytes] = deque()
         self._pack = RowPacker()
         self.rows = 0

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.atomic_write import check_output, write_file
+from heli3dof.recording.atomic_write import check_outputs, write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -168,5 +168,5 @@ def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
     path = Path(path)
     check_ending(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    check_output(path, force=force)  # before drawing, which takes a second
+    check_outputs(path, force=force)  # before drawing, which takes a second
     return write_file(path, drawn(figure, path.suffix), force=force)
