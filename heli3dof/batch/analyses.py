@@ -150,6 +150,7 @@ def _diagnose_columns(document: Document) -> Row:
     """
     findings = document["findings"]
     first: Mapping[str, Any] = findings[0] if findings else {}
+    errors = document["gain"]["holdout_rmse_deg"]
     row: Row = {
         "replicate": document["replicate"],
         "faults": ";".join(bad_data(document["integrity"])),
@@ -162,7 +163,10 @@ def _diagnose_columns(document: Document) -> Row:
             f"{axis}_{key}": document["simulation_error"][axis][key]
             for axis in AXES for key in ("rmse_deg", "noise_floor_deg")
         },
-        **_gains(document["gain"]["holdout_rmse_deg"]),
+        **{
+            f"{axis}_holdout_rmse_{when}_deg": errors.get(when, {}).get(axis)
+            for axis in AXES for when in ("before", "after")
+        },
         **{r["ratio"]: r["value"] for r in document["ratios"]},
         **{f"{r['ratio']}_std": r["std"] for r in document["ratios"]},
         **with_std({c["parameter"]: c for c in document["calibration"]}),
@@ -170,14 +174,6 @@ def _diagnose_columns(document: Document) -> Row:
     for f in findings:
         row |= with_std({f"{name_of(f)}.{name}": p for name, p in f["parameters"].items()})
     return row
-
-
-def _gains(errors: Mapping[str, Mapping[str, float | None]]) -> Row:
-    return {
-        f"{axis}_holdout_rmse_{when}_deg": errors.get(when, {}).get(axis)
-        for axis in AXES
-        for when in ("before", "after")
-    }
 
 
 def _identify(job: Job) -> Document:

@@ -96,6 +96,7 @@ def seal(key: SigningKey, seed: int, level: int) -> Exercise:
     ``level``: its difficulty. The same key, seed and level hide the same effects.
     """
     import numpy as np
+    from nacl.public import SealedBox
 
     def derived(purpose: str, size: int) -> bytes:
         text = f"{purpose}/{seed}/{level}".encode()
@@ -105,22 +106,16 @@ def seal(key: SigningKey, seed: int, level: int) -> Exercise:
     causes, spread = draw(level, rng)
     rig = HiddenRig(",".join(c.text for c in causes), spread, int(rng.integers(2**31)))
     truth = {"spread": spread, "causes": [[c.name, dict(c.values)] for c in causes]}
+    box = SealedBox(key.to_curve25519_private_key().public_key)
     exercise = Exercise(
         id=derived("id", 6).hex(),
         level=level,
         teacher=bytes(key.verify_key).hex(),
         rig=sealed_rig(rig),
-        truth=_sealed(key, padded(truth)),
+        truth=base64.b64encode(box.encrypt(padded(truth))).decode(),
     )
     signature = key.sign(exercise.signed_part()).signature.hex()
     return exercise.model_copy(update={"signature": signature})
-
-
-def _sealed(key: SigningKey, text: bytes) -> str:
-    from nacl.public import SealedBox
-
-    public = key.to_curve25519_private_key().public_key
-    return base64.b64encode(SealedBox(public).encrypt(text)).decode()
 
 
 def signature_problem(key: SigningKey, exercise: Exercise) -> str | None:

@@ -108,12 +108,15 @@ def _lines(axes: Any) -> Iterable[dict[str, Any]]:
     for line in axes.lines:
         if line.get_label().startswith(("_child", "_nolegend_")) or id(line) in points:
             continue  # a mark, a zero line, the cap of an error bar
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        rows = decimated(y.astype(float))
         yield {
             "name": line.get_label(),
             "color": variable_of(line.get_color()),
             "width": line.get_linewidth(),
             "dash": list(line._dash_pattern[1] or ()),
-            **_samples(line.get_xdata(), line.get_ydata()),
+            "x": _numbers(x[rows]),
+            "y": _numbers(y[rows]),
         }
 
 
@@ -177,11 +180,6 @@ def variable_of(color: Any) -> str:
 
     code = to_hex(color)
     return next(name for name, (light, _) in THEME.items() if light.lower() == code)
-
-
-def _samples(x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
-    rows = decimated(np.asarray(y, dtype=float))
-    return {"x": _numbers(np.asarray(x)[rows]), "y": _numbers(np.asarray(y)[rows])}
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:

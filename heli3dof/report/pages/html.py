@@ -212,6 +212,8 @@ def page(
         f"{_folded(s.details)}</section>"
         for i, s in enumerate(sections, 1)
     )
+    licence = f"/* uPlot\n{_file('uPlot-LICENSE.txt')}\n*/"
+    scripts = "\n".join([licence, _file("uPlot.iife.min.js"), _file("figures.js")])
     live = '<script type="application/json">' in body + shown
     return PAGE.substitute(
         title=html.escape(title),
@@ -221,7 +223,7 @@ def page(
         answers=f'<div class="answers">{shown}</div>' if shown else "",
         body=body,
         footer=html.escape(footer),
-        script=_script() if live else "",
+        script=f"<script>\n{scripts}\n</script>" if live else "",
     )
 
 
@@ -234,13 +236,6 @@ def _folded(blocks: Sequence[str]) -> str:
     parts = [f"{n} {tag}{'s' if n > 1 else ''}" for n, tag in counts if n]
     summary = ": ".join(["Details", ", ".join(parts)] if parts else ["Details"])
     return f"<details><summary>{summary}</summary>{text}</details>"
-
-
-def _script() -> str:
-    """Return the script that draws live figures, with uPlot and its licence."""
-    licence = f"/* uPlot\n{_file('uPlot-LICENSE.txt')}\n*/"
-    parts = (licence, _file("uPlot.iife.min.js"), _file("figures.js"))
-    return "<script>\n{}\n</script>".format("\n".join(parts))
 
 
 def _file(name: str) -> str:
