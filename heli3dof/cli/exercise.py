@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -138,11 +137,15 @@ def mark(
     from heli3dof.exercise.mark_folder import mark_folder
     from heli3dof.exercise.teacher_key import default_key
 
-    rows = mark_folder(folder, _key(out, key or default_key()))
-    documents = [row.document() for row in rows]
-    out.show(*_hidden_effects(documents), _table(documents))
-    marked = sum(row.reason is None for row in rows)
-    out.note(f"Marked: {marked} of {len(rows)}")
+    answers = mark_folder(folder, _key(out, key or default_key()))
+    documents = [answer.document() for answer in answers]
+    marked_rows = {r["exercise"]: r for r in documents if r["reason"] is None}
+    for exercise, row in sorted(marked_rows.items()):
+        hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
+        out.show(f"Exercise {exercise}, level {row['level']}, hides {hidden}.")
+    out.show(_table(documents))
+    marked = sum(answer.reason is None for answer in answers)
+    out.note(f"Marked: {marked} of {len(answers)}")
     out.emit({"schema": "heli3dof.marks/1", "rows": documents})
     if not marked:
         raise typer.Exit(CheckFailed.exit_code)
@@ -183,14 +186,6 @@ def _key(out: Output, path: Path) -> SigningKey:
     if others_can_read(path):
         out.warn(f"other users can read the teacher's key: chmod 600 {quoted(path)}")
     return key
-
-
-def _hidden_effects(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield a line for each exercise in the marks ``rows``: the effects that its rig hides."""
-    seen = {r["exercise"]: r for r in rows if r["reason"] is None}
-    for exercise, row in sorted(seen.items()):
-        hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
-        yield f"Exercise {exercise}, level {row['level']}, hides {hidden}."
 
 
 def _table(rows: list[dict[str, Any]]) -> Grid:

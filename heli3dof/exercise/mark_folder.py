@@ -71,7 +71,12 @@ def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
             cause="a typing error in the path, or a file's path.",
             fix=f"ls -d {quoted(folder.parent)}/*",
         )
-    files = sorted(f for f in folder.rglob("*") if _may_be_answer(f, folder))
+    files = sorted(
+        f
+        for f in folder.rglob("*")
+        if not (f.is_dir() or f.suffix.lower() in NOT_ANSWERS)
+        and not any(part.startswith(".") for part in f.relative_to(folder).parts)
+    )
     if not files:
         raise UsageError(
             f"{folder} has no answers.",
@@ -79,11 +84,6 @@ def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
             fix=f"ls -R {quoted(folder)}",
         )
     return [_marked(file, str(file.relative_to(folder)), key) for file in files]
-
-
-def _may_be_answer(file: Path, folder: Path) -> bool:
-    hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
-    return not hidden and not file.is_dir() and file.suffix.lower() not in NOT_ANSWERS
 
 
 def _marked(file: Path, name: str, key: SigningKey) -> MarkedAnswer:

@@ -97,6 +97,10 @@ def summary(recording: Recording) -> dict[str, Any]:
             }
     min_V, max_V = _range(recording.voltage)
     stuck = int((np.diff(recording.t) <= 0).sum())
+    clock = (
+        f"the time does not increase at {stuck} of {len(recording)} samples. Likely cause: the "
+        "device's clock is stopped or runs backwards. Try: heli3dof doctor"
+    )
     return {
         "name": recording.name,
         "samples": len(recording),
@@ -121,22 +125,13 @@ def summary(recording: Recording) -> dict[str, Any]:
         "outcome_details": meta.get("outcome_details", {}),
         "warnings": [
             *meta.get("warnings", []),
-            *_stuck_clock(stuck, len(recording)),
+            *([clock] if stuck else []),
             *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
             *still_encoder_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }
-
-
-def _stuck_clock(stuck: int, samples: int) -> list[str]:
-    if not stuck:
-        return []
-    return [
-        f"the time does not increase at {stuck} of {samples} samples. Likely cause: the device's "
-        "clock is stopped or runs backwards. Try: heli3dof doctor"
-    ]
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:
