@@ -108,10 +108,7 @@ def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
 
 
 def _with_content(task: Task) -> Task:
-    """Return the task with its file's content, or unchanged if the file cannot be read here.
-
-    A URL is not read: the worker does this.
-    """
+    """Return the task with its file's content; unchanged for a URL and an unreadable file."""
     source = Source(task.source)
     if not task.source or source.is_url:
         return task

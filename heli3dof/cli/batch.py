@@ -213,10 +213,9 @@ def _run(
     output: Path, where: str, resume: bool, workers: int | None, cluster: str | None,
     profile: Path | None,
 ) -> None:  # fmt: skip
-    """Run the subcommand ``name`` on the recordings that ``words`` name, and print the results.
+    """Run the subcommand ``name`` on the recordings ``words``, and print the results.
 
-    ``options``: sets of its options; the subcommand runs on each recording once per set.
-    ``where``: condition on the recordings. The other arguments are the command line's options.
+    It runs on each recording once per set of its options in ``options``.
     """
     from heli3dof.batch.condition import checked
     from heli3dof.batch.recording_columns import COLUMNS
@@ -260,10 +259,7 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return recording → how many of its bootstrap replicates name each cause.
-
-    Recordings without replicates are omitted.
-    """
+    """Return recording with bootstrap replicates → how many of them name each cause."""
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}
@@ -323,10 +319,7 @@ def _share_table(recording: str, shares: Sequence[NamedShare]) -> Grid:
 
 @contextmanager
 def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
-    """Context manager: yields a function that displays a batch's progress and the time left.
-
-    ``name``: the batch's subcommand, shown with the progress.
-    """
+    """Context manager: yields a function that displays progress and time left of batch ``name``."""
     if out.quiet:
         yield lambda batch: None
         return

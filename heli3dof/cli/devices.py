@@ -82,8 +82,7 @@ def devices(
 def _probe(url: str, profile: Path | None) -> dict[str, Any]:
     """Open a rig without arming it; return its identity and its encoder counts at rest.
 
-    If the rig cannot be opened, the entry ``problem`` gives the reason. ``profile``: file of the
-    rig's profile; None: the paper's rig.
+    If the rig cannot be opened, the entry ``problem`` gives the reason.
     """
     from heli3dof.errors import DeviceError
     from heli3dof.rig.session.open_exclusive import open_rig

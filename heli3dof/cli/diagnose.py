@@ -127,10 +127,9 @@ def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return a list: for each recording the id of its rig's exercise, or None for another rig.
+    """Return the id of each recording's exercise, or None for another rig; None without exercises.
 
-    An exercise is a rig with hidden effects, for students. If no recording is of an exercise, the
-    function returns None instead of the list.
+    An exercise is a rig with hidden effects, for students.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 
@@ -185,11 +184,7 @@ def _load(
 
 
 def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
-    """Return the faults of swapped columns in the log at ``path``; empty if it is not readable.
-
-    The log is imported without checks of its values. ``profile``: file of the rig's profile; None:
-    the paper's rig.
-    """
+    """Return the faults of swapped columns in the log at ``path``; empty if it is not readable."""
     from heli3dof.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 

@@ -231,10 +231,7 @@ def _same_name(name: str) -> str:
 
 
 def _names(row: dict[str, Any]) -> str:
-    """Return as text how many hidden causes the answer ``row`` names.
-
-    The text also lists the answer's wrong and confounded causes.
-    """
+    """Return as text how many hidden causes an answer names, and its wrong and confounded ones."""
     lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
     lines += [f"wrong: {name}" for name in row["wrong"]]
     lines += [f"confounded: {name}" for name in row["confounded"]]
@@ -242,20 +239,14 @@ def _names(row: dict[str, Any]) -> str:
 
 
 def _sizes(row: dict[str, Any]) -> str:
-    """Return as text, for each claimed size of an effect, its relative error.
-
-    The text also states whether the claimed interval contains the true size.
-    """
+    """Return as text each claimed size's relative error, and whether its interval has the truth."""
     where = {True: "inside", False: "outside", None: "no interval"}
     lines = [f"{100 * s['relative_error']:.0f} %, {where[s['inside']]}" for s in row["sizes"]]
     return "\n".join(lines) or "–"
 
 
 def _holdout(errors: dict[str, float | None] | None) -> str:
-    """Return the held-out RMSE of roll, pitch and yaw as text: ``0.20/0.30/0.09°``.
-
-    A dash replaces a missing value.
-    """
+    """Return the held-out RMSE of roll, pitch and yaw as text: ``0.20/–/0.09°``."""
     if not errors:
         return "–"
     return "/".join(_number(errors.get(axis)) for axis in AXES) + "°"

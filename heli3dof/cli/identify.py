@@ -130,11 +130,7 @@ def _write_report(
     *,
     force: bool,
 ) -> None:
-    """Write an HTML report on an identified model to ``path``.
-
-    ``result``: the identification; ``train``: the recordings used for it. The report also compares
-    the model with the held-out recordings ``test``, if there are any.
-    """
+    """Write a report on a model identified from ``train``; compare it with ``test``, if any."""
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model
     from heli3dof.report.pages.flight_report import flight_report

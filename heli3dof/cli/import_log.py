@@ -100,10 +100,7 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield a table of a log's columns, a sentence on its samples, and what the import ignores.
-
-    ``found``: the result of `heli3dof.recording.logs.preview.preview`.
-    """
+    """Yield a table of a log's columns, a sentence on its samples, and what the import ignores."""
     from rich.table import Table
 
     table = Table("column", "from", "unit")

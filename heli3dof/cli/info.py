@@ -78,10 +78,7 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
 
 
 def info_table(about: Mapping[str, Any], *, brief: bool = False) -> Table:
-    """Return a table to print of ``about``, a recording's `heli3dof.recording.info.summary`.
-
-    ``brief``: omit the rows named in `DETAILS`.
-    """
+    """Return a table of a recording's `summary`; ``brief``: without the rows in `DETAILS`."""
     from rich.table import Table
 
     table = Table(show_header=False)

@@ -196,10 +196,7 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Compute the hover voltage from the masses; store it in the profile ``data``.
-
-    A comment on this value is stored in ``remarks``.
-    """
+    """Store the hover voltage of the masses in the profile ``data``, a comment in ``remarks``."""
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage

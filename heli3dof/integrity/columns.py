@@ -192,10 +192,7 @@ def _names(*columns: int) -> set[str]:
 
 
 def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """Return (angle column, reference column, evidence) of two swapped columns, else None.
-
-    Two columns are swapped if the reference is on the encoder's grid, but the angle is not.
-    """
+    """Return angle, reference and evidence if only the reference is on the encoder's grid."""
     r, rows = view.recording, view.finite_rows
     if rows.sum() < 100:
         return None

@@ -171,10 +171,7 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return (K, h) if the amplifier's gain is wrong, else None.
-
-    K: thrust relative to the profile's; h: hover voltage relative to the profile's.
-    """
+    """Return (K, h) of the module's docstring if the amplifier's gain is wrong, else None."""
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

@@ -82,11 +82,7 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return the multiprocessing context that starts the worker processes.
-
-    It uses a fork server, which has imported `PRELOADED`. Where the operating system has no fork
-    server, it uses spawn.
-    """
+    """Return the context of a fork server that has imported `PRELOADED`; of spawn without one."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

@@ -106,11 +106,7 @@ def ramp_start(last: Pair, motor: Motor) -> Pair:
 
 
 class _Schedule:
-    """Computes the voltages of a ramp to zero: V[i] = V_start (1 − i/n); zero after i = n.
-
-    V_start: voltages (V) at the ramp's start; i: control periods since the start; n: the ramp's
-    length in control periods.
-    """
+    """Computes the voltages of a ramp to zero, as the module's docstring defines them."""
 
     def __init__(self, start: Pair, steps: int) -> None:
         self.voltage = self._start = start

@@ -123,10 +123,7 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return the error variance (N,) rad² of an angle: quantisation, and a jitter of `SCALE_S`.
-
-    ``rate`` (N,): in rad/s; ``step``: the encoder's step in rad.
-    """
+    """Return s² (N,) in rad² for an angle's ``rate`` ẏ (rad/s) and the encoder's ``step`` (rad)."""
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 

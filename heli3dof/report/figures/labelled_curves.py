@@ -192,10 +192,7 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _start(block: list[float], gap: float) -> float:
-    """Return the height (0…1) of the lowest label in a block of labels that are ``gap`` apart.
-
-    ``block``: the heights (0…1) of the curves' ends; the block is centred on their mean.
-    """
+    """Return the height (0…1) of a block's lowest label; the block is centred on its mean."""
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
 

@@ -95,10 +95,7 @@ def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
 
 
 def _in_one(a: Any, b: Any, what: str) -> bool:
-    """Return True if two axes are in the same row or column of the figure's grid.
-
-    ``what``: ``row`` or ``col`` (column).
-    """
+    """Return True if two axes are in the same row or column (``what``: ``row``, ``col``)."""
     one, other = a.get_subplotspec(), b.get_subplotspec()
     return bool(one and other and getattr(one, f"{what}span") == getattr(other, f"{what}span"))
 

@@ -93,11 +93,7 @@ def _gain(document: Document) -> Answer:
 
 
 def _next(document: Document, dt: float) -> Answer | None:
-    """Return the first recommended action as an answer; None if there is none.
-
-    Its picture shows the references of the plan that the action's command names, if any. ``dt``:
-    control period in s.
-    """
+    """Return the first recommended action, with a picture of the plan that it names, if any."""
     for sentence in words.next_steps(document):
         command = PLAN_COMMAND.search(sentence)
         drawn = ""
@@ -143,10 +139,7 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return a list of one answer: which model predicts best, with bars of the models' errors.
-
-    The bars are for the first recording. The list is empty if no model predicted it.
-    """
+    """Return [which model predicts the first recording best, with bars]; [] without predictions."""
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

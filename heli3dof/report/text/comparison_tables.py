@@ -187,11 +187,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the label under which the paper's results list ``model``; None if they do not.
-
-    The label is "hover" for the hover model, and "identification" for the first identified model of
-    ``models``.
-    """
+    """Return the paper's label of ``model``: of identified ``models``, only the first has one."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]

@@ -388,10 +388,9 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 
 def _torque_term(rest: Document, where: str) -> str:
-    """Return sentences on an unmodelled torque: its term in the extended model, and RMSE.
+    """Return sentences on an unmodelled torque: its term, and RMSE without and with it.
 
-    ``rest``: the torque's object in the JSON document. The RMSE is given without and with the term;
-    ``where`` names the data on which it was measured.
+    ``rest``: the torque's object in the JSON document; ``where``: the data of the RMSE, in words.
     """
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
     if not rest["formula"]:

@@ -60,10 +60,7 @@ class Grid:
 
 
 class _FittingTable:
-    """A table that the library rich draws in parts, one below the other, on a narrow terminal.
-
-    ``grid``: its contents. Title and notes are not drawn.
-    """
+    """The cells of a `Grid`, which rich draws in parts, one below the other, if they are wide."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
@@ -73,10 +70,7 @@ class _FittingTable:
             yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return the column indices of each part of a table that is wider than the terminal.
-
-        A part has all text columns, and as many others as fit in ``width`` characters.
-        """
+        """Return each part's columns: all text columns, and as many others as fit in ``width``."""
         least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
         always = list(range(self.grid.text_columns))
         parts, room = [list(always)], width - sum(least[i] for i in always)

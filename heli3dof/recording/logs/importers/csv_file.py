@@ -205,9 +205,7 @@ def _exact(
 
     Text in a column with an unknown name removes that column with a warning. Text in another column
     or a line with a wrong number of cells raises RecordingError.
-
-    ``body``: lines of text with line numbers ``numbers``; ``names``: names of the columns. Warnings
-    are appended to ``warnings``.
+    ``numbers``: the line numbers of ``body``. Warnings are appended to ``warnings``.
     """
     rows = [_cells(line, separator) for line in body]
     for number, row in zip(numbers, rows, strict=True):
