@@ -21,7 +21,7 @@ from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
 from heli3dof.errors import Heli3dofError, no_file, quoted
-from heli3dof.model.model_file import jsonable
+from heli3dof.json_values import jsonable
 from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 
 FAILURE = ("exit_code", "error", "cause", "fix")

@@ -21,6 +21,7 @@ import typer
 from heli3dof.cli.options import AsJson, Quiet
 from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError, quoted
+from heli3dof.json_values import jsonable
 from heli3dof.write_errors import FULL, refusal
 
 if TYPE_CHECKING:
@@ -147,23 +148,6 @@ def _console(**options: Any) -> Console:
             raise BrokenPipeError  # rich would exit with the code 1
 
     return Encoded(highlight=False, markup=False, emoji=False, **options)
-
-
-def jsonable(value: Any) -> Any:
-    """Return ``value`` converted to JSON types; NaN and infinity become None."""
-    if isinstance(value, Mapping):
-        return {str(k): jsonable(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [jsonable(v) for v in value]
-    if hasattr(value, "tolist"):
-        return jsonable(value.tolist())
-    if isinstance(value, float):
-        return value if value == value and abs(value) != float("inf") else None
-    if isinstance(value, (str, int, bool)) or value is None:
-        return value
-    if isinstance(value, complex):
-        return {"re": jsonable(value.real), "im": jsonable(value.imag)}
-    return str(value)
 
 
 def verb(function: Callable[..., None]) -> Callable[..., None]:
