@@ -36,11 +36,7 @@ class Processes:
     remote = False
 
     def __init__(self, workers: int | None = None) -> None:
-        self._workers = workers or core_count()
-
-    @property
-    def workers(self) -> int:
-        return self._workers
+        self.workers = workers or core_count()
 
     def __enter__(self) -> Self:
         return self
@@ -49,16 +45,16 @@ class Processes:
         pass
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
-        threads = max(1, core_count() // self._workers)
+        threads = max(1, core_count() // self.workers)
         waiting = enumerate(items)
         deaths: Counter[int] = Counter()
         running: dict[Future[R], tuple[int, T]] = {}
         pool = ProcessPool(
-            self._workers, context=_context(), initializer=_begin, initargs=(threads,)
+            self.workers, context=_context(), initializer=_begin, initargs=(threads,)
         )
         try:
             while True:
-                while len(running) < (1 + AHEAD) * self._workers:
+                while len(running) < (1 + AHEAD) * self.workers:
                     following = next(waiting, None)
                     if following is None:
                         break
