@@ -1,8 +1,6 @@
 """`run_task`: run one verb on one recording, in a worker process. It never raises an exception.
 
-The verb reads and writes in a temporary folder. In the verb's JSON document,
-`run_task` replaces the recording's path by the one that the user gave. It makes the paths of
-written files relative to the output folder.
+The verb reads and writes in a temporary folder, whose paths `_replaced` replaces.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""`file_info`: describes a recording's file as a JSON-able dictionary.
-
-`file_info` also reads the intact part of a file with missing or unreadable bytes. A file is torn if
-its end is missing, for example because the program was killed.
-"""
+"""`file_info`: describes a recording's file, or its intact part, as a JSON-able dictionary."""
 
 from __future__ import annotations
 

@@ -104,10 +104,7 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return what a comparison answers on its first recording, each an `Answer`.
-
-    The questions: how wrong the simulation is, which model predicts best, what to do next.
-    """
+    """Return what a comparison answers on its first recording, each an `Answer`."""
     flight = comparison.flights[0]
     if not flight.models:
         return []
