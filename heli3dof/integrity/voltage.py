@@ -247,7 +247,9 @@ def commanded(view: View) -> Iterable[Fault]:
             confidence=0.99,
         )  # fmt: skip
         return
-    late = _one_row_late(cmd, v, rows)
+    both = rows[1:] & rows[:-1]
+    one_row_off = np.abs(v[1:] - cmd[:-1])[both].max(axis=1) > DIFFERS_V
+    late = both.sum() >= 100 and float(one_row_off.mean()) < DIFFERS
     yield Fault(
         "voltage.commanded", Kind.NOTE, r.name,
         f"{r.name}: below the limit, the amplifier's voltage differs from the command in "
@@ -258,14 +260,6 @@ def commanded(view: View) -> Iterable[Fault]:
         "a slew-rate limit, a watchdog, lost commands, or noise of a measured voltage.",
         "",
     )  # fmt: skip
-
-
-def _one_row_late(cmd: np.ndarray, v: np.ndarray, rows: np.ndarray) -> bool:
-    both = rows[1:] & rows[:-1]
-    if both.sum() < 100:
-        return False
-    off = np.abs(v[1:] - cmd[:-1])[both].max(axis=1) > DIFFERS_V
-    return float(off.mean()) < DIFFERS
 
 
 CHECKS = (

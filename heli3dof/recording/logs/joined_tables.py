@@ -119,7 +119,14 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
     period = float(np.median(np.diff(t)))
     partners = []
     for table, other in zip(tables, times, strict=True):
-        _check_rate(tables[0], period, table)
+        own = float(np.median(np.diff(other)))
+        if abs(own / period - 1) > SAME_RATE:
+            raise RecordingError(
+                f"{tables[0].source} and {table.source} are sampled at different rates: every "
+                f"{period:.6g} and every {own:.6g} (time in s).",
+                cause="a decimated log, or a clock in milliseconds.",
+                fix="log all signals at the control rate, with time in seconds",
+            )
         k = np.clip(np.searchsorted(other, t), 1, len(other) - 1)
         k = k - (t - other[k - 1] < other[k] - t)
         partners.append(np.where(np.abs(other[k] - t) < SAME_INSTANT * period, k, -1))
@@ -141,17 +148,6 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
             fix="let one model log all signals at the control rate; heli3dof does not resample",
         )
     return {id(table): k[keep] for table, k in zip(tables, partners, strict=True)}
-
-
-def _check_rate(first: Table, period: float, other: Table) -> None:
-    own = float(np.median(np.diff(other.columns["t_s"])))
-    if abs(own / period - 1) > SAME_RATE:
-        raise RecordingError(
-            f"{first.source} and {other.source} are sampled at different rates: every {period:.6g} "
-            f"and every {own:.6g} (time in s).",
-            cause="a decimated log, or a clock in milliseconds.",
-            fix="log all signals at the control rate, with time in seconds",
-        )
 
 
 def _length(table: Table) -> int:
