@@ -114,10 +114,9 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion swapped columns may explain.
+    """Return the axes whose motion swapped columns may explain; ``T``: `_table`.
 
-    These are the `inconsistent` axes; if a voltage is constant, all driven axes. ``T``: table (N,
-    8) of angles, voltages and references (`_table`).
+    These are the `inconsistent` axes; if a voltage is constant, all driven axes.
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():

@@ -239,8 +239,8 @@ class _Axis:
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
         """Update roll by a sample, taken while the arm is near its rest angle on the table.
 
-        ``h``: s since the last sample; ``angle``: the encoder's angle in rad. ``lift`` (rad/s²):
-        acceleration by the thrust in excess of the thrust that lifts every known rig.
+        ``lift`` (rad/s²): acceleration by the thrust in excess of the thrust that lifts every known
+        rig. Other arguments as in `step`.
         """
         if count != self.count:
             self.restart(count, angle)

@@ -20,6 +20,8 @@ angles are wrong. A wrong sign or wrong leads also show in the motion before.
 
 One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
 have positive voltages, the roll encoder counts the wrong way.
+
+Arguments: ``t`` (n,) in s, ``angle`` (n, 3) in rad and ``applied`` (n, 2) in V, as measured.
 """
 
 from __future__ import annotations
@@ -168,8 +170,7 @@ def _windows(
 ) -> dict[int, slice]:
     """Return the rows to fit for each axis (0 roll, 1 pitch, 2 yaw) that moved: axis → slice.
 
-    They are the rows of the last ``window_s`` seconds in which the axis was free to move. ``t``:
-    times (n,) in s; ``angle``: (n, 3) in rad.
+    They are the rows of the last ``window_s`` seconds in which the axis was free to move.
     """
     end = len(t)
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
@@ -200,10 +201,7 @@ def _accelerations(
     profile: Profile,
     expected: ExpectedAcceleration,
 ) -> np.ndarray:
-    """Return the accelerations α_H (n, 3) in rad/s² that the encoders would show with ``fault``.
-
-    ``angle``: encoder angles (n, 3) in rad; ``applied``: voltages (n, 2) in V.
-    """
+    """Return the accelerations α_H (n, 3) in rad/s² that the encoders would show with ``fault``."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
     volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
@@ -221,8 +219,7 @@ def _score(
 ) -> float:
     """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
 
-    ``windows``: axis → rows to fit; ``unmodelled``: standard deviation B (3,) of the unmodelled
-    acceleration in rad/s². ``t``: times (n,) in s; ``angle``: (n, 3) in rad.
+    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s².
     """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
@@ -236,9 +233,7 @@ def _score(
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
     """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to one axis; return mean squared residual (rad²) and b.
 
-    ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): expected
-    acceleration α in rad/s². Fitted: angle θ₀ and rate ω₀ at the start, unmodelled acceleration b
-    (rad/s²), factor s of α. ``weight``: q/B in s², with q rad per count and the prior b ~ N(0, B²).
+    ``theta`` (n,) in rad, ``alpha`` (n,) in rad/s²; ``weight``: q/B in s².
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

@@ -102,7 +102,6 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
     Each parabola is fitted to 2 ``half`` + 1 samples; its residual and slope are those at the
     middle sample. Both results have the shape (N − 2 ``half``,). The module's docstring defines e.
-    ``t`` (N,) s: times; ``y`` (N,) rad: the angle.
     """
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view
@@ -128,11 +127,7 @@ def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
 
 
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
-    """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ².
-
-    ``e``: residuals of `_residual` in rad; ``rate``: ẏ in rad/s; ``blocks``: number of each
-    sample's block for `_jackknife`.
-    """
+    """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ²."""
     there = np.isfinite(e)
     if there.sum() < 100:
         return NONE_FOUND

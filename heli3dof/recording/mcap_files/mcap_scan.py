@@ -204,8 +204,7 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 def channel_names(found: Scan) -> list[str]:
     """Return the names of a recording's further columns, such as unknown columns of a log.
 
-    heli3dof's own messages have no fields for them. ``found``: the file's records. Raises Damaged
-    if the names are unreadable.
+    heli3dof's own messages have no fields for them. Raises Damaged if the names are unreadable.
     """
     for channel in found.channels.values():
         if channel.topic == CHANNELS_TOPIC:

@@ -186,8 +186,7 @@ def write_rows(
 ) -> None:
     """Write a complete file: metadata, rows, then the metadata record `OUTCOME`.
 
-    ``metadata``: all records by name, also `OUTCOME` (how the flight ended); ``form``: the rows'
-    format; ``names``: see `McapFile`.
+    ``metadata``: all records by name, also `OUTCOME` (how the flight ended); others: `McapFile`.
     """
     file = McapFile(stream, form, names)
     file.start({name: data for name, data in metadata.items() if name != OUTCOME})

@@ -96,10 +96,7 @@ def open_mcap(path: Path) -> Scan:
 
 
 def broken(path: Path, found: Scan) -> RecordingError | None:
-    """Return the error for an MCAP file with missing or unreadable bytes; None for any other file.
-
-    ``found``: the file's records.
-    """
+    """Return the error for an MCAP file with missing or unreadable bytes; None for any other."""
     if found.gaps:
         lost = f"{found.bytes_lost} bytes are unreadable, the first at {found.gaps[0][0]}"
         return damaged(path, Damaged(lost), " in the middle")
@@ -178,10 +175,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 
 
 def recording_of(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
-    """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote.
-
-    ``found``, ``path``: the file's records and path; ``profile``: the rig's profile.
-    """
+    """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote."""
     absent = found.metadata[COLUMNS].get("absent", ()) if COLUMNS in found.metadata else None
     meta: dict[str, Any] = {"name": path.stem, **found.metadata.get(PROVENANCE, {})}
     details = dict(found.metadata.get(OUTCOME, {}))

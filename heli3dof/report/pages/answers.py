@@ -37,11 +37,7 @@ PLAN_COMMAND = re.compile(r"heli3dof (?:run|simulate) (\S+)")
 
 
 def diagnosis_answers(document: Document, data: FigureData, dt: float) -> list[Answer]:
-    """Return the report's answers from a diagnosis, each an `Answer`.
-
-    ``document``: the JSON of ``diagnose --json``; ``data``: data of the figures; ``dt``: control
-    period in s.
-    """
+    """Return the report's answers from a diagnosis; ``dt``: control period in s."""
     answers = [_wrong(document), _cause(document, data), _gain(document), _next(document, dt)]
     return [a for a in answers if a is not None]
 

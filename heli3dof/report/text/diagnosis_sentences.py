@@ -104,10 +104,7 @@ def noisy_axes(document: Document) -> list[str]:
 
 
 def before_and_after(gain: Document) -> str:
-    """Return a text with the held-out RMSE (°) by axis: before → after a change of the model.
-
-    ``gain``: the change's object in the JSON document; its key ``holdout_rmse_deg`` has the RMSE.
-    """
+    """Return the RMSE (°) by axis in ``holdout_rmse_deg`` as text: before → after a change."""
     error = gain["holdout_rmse_deg"]
     return ", ".join(
         f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
