@@ -129,8 +129,8 @@ def _header_line(lines: list[str]) -> int:
     for i, line in enumerate(lines):
         separator = _separator(line)
         rows = [_cells(x, separator) for x in lines[i:]]
-        shares = (2 * sum(_is_number(c.replace(",", ".")) for c in row) > len(row) for row in rows)
-        numbers = next((k for k, mostly_numbers in enumerate(shares) if mostly_numbers), None)
+        counts = (sum(_is_number(cell.replace(",", ".")) for cell in row) for row in rows)
+        numbers = next((k for k, n in enumerate(counts) if 2 * n > len(rows[k])), None)
         if numbers == 0:
             break
         if numbers and not line.startswith("#") and len(rows[0]) == len(rows[numbers]):
