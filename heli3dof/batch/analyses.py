@@ -301,11 +301,7 @@ def _run_columns(document: Document) -> Row:
 
 
 def bad_data(integrity: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the names of the integrity checks that found bad data in a recording.
-
-    ``integrity``: the recording's faults, as the key ``integrity`` of ``diagnose --json`` lists
-    them.
-    """
+    """Return the names of the checks that found bad data; ``integrity``: a recording's faults."""
     return [f["check"] for f in integrity if f["kind"] == Kind.BAD_DATA]
 
 

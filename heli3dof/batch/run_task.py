@@ -40,10 +40,7 @@ def run_task(task: Task) -> Outcome:
 
 
 def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
-    """Return the outcome of a task that ended with ``error``.
-
-    ``final``: True if the task would fail again when it is retried.
-    """
+    """Return the outcome of a task that ended with ``error``; ``final``: it would fail again."""
     if not isinstance(error, Heli3dofError):
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",

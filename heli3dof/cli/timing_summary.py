@@ -49,10 +49,7 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def timing_note(outcome: Outcome) -> str:
-    """Return a text that counts a flight's late and skipped control periods.
-
-    `timing_rows` has the quantiles of lateness and latency.
-    """
+    """Return a text that counts a flight's late and skipped control periods."""
     late = f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"
     skipped = _skipped(outcome.missed, outcome.lost, outcome.device_skipped)
     return f"{late}; {skipped}" if skipped else late

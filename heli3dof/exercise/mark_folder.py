@@ -29,10 +29,7 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the file's marks as a dict of JSON types.
-
-        Without marks, the dict has the same keys, with None or empty lists as values.
-        """
+        """Return the marks as a dict of JSON types; without marks, with None and empty lists."""
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,

@@ -119,10 +119,7 @@ def seal(key: SigningKey, seed: int, level: int) -> Exercise:
 
 
 def signature_problem(key: SigningKey, exercise: Exercise) -> str | None:
-    """Return None if ``key`` signed this exercise, else the reason why the signature is wrong.
-
-    Either the exercise was changed, or another key signed it.
-    """
+    """Return None if ``key`` signed this exercise as it is, else why the signature is wrong."""
     if not exercise.is_intact():
         return "the exercise in it was changed after it was sealed"
     if exercise.teacher != bytes(key.verify_key).hex():

@@ -73,10 +73,7 @@ def foxglove_bytes(recording: Recording) -> bytes:
 
 
 def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int, Message]]:
-    """Yield topic, log time (ns) and content of each message on the three topics `TOPICS`.
-
-    ``times``: log times (n,) of the recording's rows in ns.
-    """
+    """Yield topic, log time and content of each message; ``times``: the rows' log times (ns)."""
     scene, transforms, log = TOPICS
     first, last = times[0], times[-1]
     entities = [entity(part, first) for part in parts(recording.profile)]
@@ -103,10 +100,7 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
 
 
 def entity(part: Part, time: int) -> Message:
-    """Return a part of the rig as a foxglove.SceneEntity that moves with the part's frame.
-
-    ``time``: its time stamp in ns.
-    """
+    """Return a part of the rig as a foxglove.SceneEntity with the time stamp ``time`` (ns)."""
     red, green, blue = part.colour
     primitive = {
         "pose": {"position": _vector(part.centre), "orientation": NO_ROTATION},

@@ -88,10 +88,7 @@ def bode_figure(
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Draw the Bode diagrams of an identified model, from the front motor to each angle.
-
-    Returns None for a model without a linear response.
-    """
+    """Draw Bode diagrams from the front motor to each angle; None without a linear response."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

@@ -88,10 +88,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of step metrics, with a row per reference segment of each axis in ``metrics``.
-
-    Notes explain the steady error, and a settling time that is undefined.
-    """
+    """Return a table of step metrics, with a row per reference segment of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis, of_axis in metrics.items()
@@ -269,10 +266,7 @@ def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]
 
 
 def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
-    """Return the table of all models, then each recording's tables.
-
-    ``paper`` adds tables like Table II of the paper.
-    """
+    """Return the table of all models, then each recording's tables (`flight_grids`)."""
     grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
     return [fit_table(comparison), *grids]
 

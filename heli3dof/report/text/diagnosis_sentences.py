@@ -327,10 +327,7 @@ def measured_on(document: Document) -> str:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield sentences on each torque without a known cause: its axis, variable and model term.
-
-    The last sentence states the errors that remain without an explanation, if there are any.
-    """
+    """Yield sentences on torques without a known cause, and a last one on unexplained errors."""
     for rest in (x for x in document["leftover"] if x["depends_on"]):
         share = number(rest["share"])
         text = (
@@ -372,10 +369,7 @@ def _remaining(document: Document, remaining: Sequence[Document]) -> str:
 
 
 def slow_noise(document: Document) -> Iterator[str]:
-    """Yield a sentence on slow torque noise, if there is any.
-
-    Slow torque noise is a residual torque that depends on no measured variable.
-    """
+    """Yield a sentence on residual torques that depend on no measured variable, if any."""
     each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
     if each:
         yield (

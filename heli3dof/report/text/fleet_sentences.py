@@ -24,10 +24,7 @@ MOST_REASONS = 3
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
-    """Return a sentence on each change, then on each rig that differs from the other rigs.
-
-    Without a change, the first sentence states that none was found, or not searched for.
-    """
+    """Return a sentence on each change (or that none was found), then on each differing rig."""
     found = [
         change_sentence(group.track, group.change)
         + (f" {', '.join(group.moved)} changed by the inverse factor." if group.moved else "")
