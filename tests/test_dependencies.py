@@ -21,17 +21,18 @@ MAY_IMPORT = {
     "parallel": set(),
     "plugins": set(),
     "stage_clock": set(),
+    "json_values": set(),
     "results": {"errors"},
     "rig": {"errors", "arrays", "axes", "plugins", "toml_file", "write_errors"},
     "recording": {"errors", "results", "arrays", "axes", "plugins", "rig", "write_errors"},
-    "model": {"errors", "arrays", "axes", "plugins", "rig", "recording"},
+    "model": {"errors", "json_values", "arrays", "axes", "plugins", "rig", "recording"},
     "experiment": {
         "errors", "arrays", "axes", "plugins", "toml_file", "rig", "recording", "model",
     },
     "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
-        "errors", "results", "arrays", "axes", "parallel", "plugins", "stage_clock", "rig",
-        "recording", "model",
+        "errors", "json_values", "results", "arrays", "axes", "parallel", "plugins",
+        "stage_clock", "rig", "recording", "model",
     },
     "effect_files": {"errors", "axes", "rig", "model", "identification"},
     "comparison": {
@@ -45,17 +46,18 @@ MAY_IMPORT = {
         "model", "experiment", "identification", "comparison", "integrity",
     },
     "batch": {
-        "errors", "results", "axes", "parallel", "toml_file", "write_errors", "rig", "recording",
-        "model", "experiment", "identification", "comparison", "integrity", "diagnosis", "paper",
+        "errors", "json_values", "results", "axes", "parallel", "toml_file", "write_errors", "rig",
+        "recording", "model", "experiment", "identification", "comparison", "integrity",
+        "diagnosis", "paper",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
         "comparison", "diagnosis", "fleet", "paper",
     },
     "cli": {
-        "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",
-        "identification", "comparison", "integrity", "diagnosis", "fleet", "report", "toml_file",
-        "paper", "plugins", "batch", "effect_files",
+        "errors", "json_values", "axes", "write_errors", "rig", "recording", "model", "experiment",
+        "exercise", "identification", "comparison", "integrity", "diagnosis", "fleet", "report",
+        "toml_file", "paper", "plugins", "batch", "effect_files",
     },
 }  # fmt: skip
 

@@ -150,6 +150,7 @@ def _diagnose_columns(document: Document) -> Row:
     """
     findings = document["findings"]
     first: Mapping[str, Any] = findings[0] if findings else {}
+    errors = document["gain"]["holdout_rmse_deg"]
     row: Row = {
         "replicate": document["replicate"],
         "faults": ";".join(bad_data(document["integrity"])),
@@ -162,7 +163,10 @@ def _diagnose_columns(document: Document) -> Row:
             f"{axis}_{key}": document["simulation_error"][axis][key]
             for axis in AXES for key in ("rmse_deg", "noise_floor_deg")
         },
-        **_gains(document["gain"]["holdout_rmse_deg"]),
+        **{
+            f"{axis}_holdout_rmse_{when}_deg": errors.get(when, {}).get(axis)
+            for axis in AXES for when in ("before", "after")
+        },
         **{r["ratio"]: r["value"] for r in document["ratios"]},
         **{f"{r['ratio']}_std": r["std"] for r in document["ratios"]},
         **with_std({c["parameter"]: c for c in document["calibration"]}),
@@ -170,14 +174,6 @@ def _diagnose_columns(document: Document) -> Row:
     for f in findings:
         row |= with_std({f"{name_of(f)}.{name}": p for name, p in f["parameters"].items()})
     return row
-
-
-def _gains(errors: Mapping[str, Mapping[str, float | None]]) -> Row:
-    return {
-        f"{axis}_holdout_rmse_{when}_deg": errors.get(when, {}).get(axis)
-        for axis in AXES
-        for when in ("before", "after")
-    }
 
 
 def _identify(job: Job) -> Document:
@@ -305,11 +301,7 @@ def _run_columns(document: Document) -> Row:
 
 
 def bad_data(integrity: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the names of the integrity checks that found bad data in a recording.
-
-    ``integrity``: the recording's faults, as the key ``integrity`` of ``diagnose --json`` lists
-    them.
-    """
+    """Return the names of the checks that found bad data; ``integrity``: a recording's faults."""
     return [f["check"] for f in integrity if f["kind"] == Kind.BAD_DATA]
 
 

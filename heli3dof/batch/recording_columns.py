@@ -51,6 +51,15 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
     about = summary(recording)
     made, timing = about["provenance"], about["timing"] or {}
     identity, lateness, plan = made.get("identity"), about["lateness"] or {}, about["plan"]
+    starts: dict[str, float | None] = {}
+    for axis in STARTS:
+        i = AXES.index(axis)
+        known = axis in recording.axes and len(recording) > 0
+        start = float(np.rad2deg(recording.angle[0, i])) if known else math.nan
+        count_deg = float(np.rad2deg(abs(recording.profile.encoder.rad_per_count[i])))
+        known = math.isfinite(start)
+        starts[f"{axis}_start_deg"] = start if known else None
+        starts[f"{axis}_start_deg_std"] = count_deg / math.sqrt(12) if known else None
     values = {
         "recording": path,
         "name": about["name"],
@@ -65,7 +74,7 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
         "jitter_s": _resolved(timing.get("jitter_s")),
         "lost_share": timing.get("lost_share"),
         "late_share": lateness.get("late_share"),
-        **_start_angles(recording),
+        **starts,
         "digest": about["digest"],
     }
     return {name: values[name] for name in COLUMNS}
@@ -78,15 +87,3 @@ def _resolved(time_s: float | None) -> float | None:
     (0.0, 2e-05)
     """
     return None if time_s is None else round(time_s, round(-math.log10(RESOLUTION_S)))
-
-
-def _start_angles(recording: Recording) -> dict[str, float | None]:
-    out: dict[str, float | None] = {}
-    for axis in STARTS:
-        i = AXES.index(axis)
-        known = axis in recording.axes and len(recording) > 0
-        start = float(np.rad2deg(recording.angle[0, i])) if known else math.nan
-        count_deg = float(np.rad2deg(abs(recording.profile.encoder.rad_per_count[i])))
-        out[f"{axis}_start_deg"] = start if math.isfinite(start) else None
-        out[f"{axis}_start_deg_std"] = count_deg / math.sqrt(12) if math.isfinite(start) else None
-    return out

@@ -94,14 +94,12 @@ def run_batch(
         rows = [_row(task, folder) for task in tasks if task.key in folder.lines]
         failures = [row for row in rows if row["exit_code"] != 0]
         batch.failed = len(failures)
-        batch.first_failure = _named_error(failures[0]) if failures else ""
+        if failures:
+            first, error = failures[0], str(failures[0]["error"])
+            name = str(first.get("name") or first.get("recording") or "")
+            batch.first_failure = error if name in error else f"{name}: {error}"
         batch.tables = write_table(rows, folder.path) if rows else ()
     return batch
-
-
-def _named_error(row: Mapping[str, Any]) -> str:
-    name, error = str(row.get("name") or row.get("recording") or ""), str(row["error"])
-    return error if name in error else f"{name}: {error}"
 
 
 def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
@@ -110,10 +108,7 @@ def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
 
 
 def _with_content(task: Task) -> Task:
-    """Return the task with its file's content, or unchanged if the file cannot be read here.
-
-    A URL is not read: the worker does this.
-    """
+    """Return the task with its file's content; unchanged for a URL and an unreadable file."""
     source = Source(task.source)
     if not task.source or source.is_url:
         return task

@@ -1,8 +1,6 @@
 """`run_task`: run one verb on one recording, in a worker process. It never raises an exception.
 
-The verb reads and writes in a temporary folder. In the verb's JSON document,
-`run_task` replaces the recording's path by the one that the user gave. It makes the paths of
-written files relative to the output folder.
+The verb reads and writes in a temporary folder, whose paths `_replaced` replaces.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
 from heli3dof.errors import Heli3dofError, no_file, quoted
-from heli3dof.model.model_file import jsonable
+from heli3dof.json_values import jsonable
 from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 
 FAILURE = ("exit_code", "error", "cause", "fix")
@@ -42,10 +40,7 @@ def run_task(task: Task) -> Outcome:
 
 
 def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
-    """Return the outcome of a task that ended with ``error``.
-
-    ``final``: True if the task would fail again when it is retried.
-    """
+    """Return the outcome of a task that ended with ``error``; ``final``: it would fail again."""
     if not isinstance(error, Heli3dofError):
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",

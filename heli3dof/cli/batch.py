@@ -12,17 +12,15 @@ import typer
 
 from heli3dof.cli import completion
 from heli3dof.cli.options import (
-    AsJson,
     Cluster,
     LogProfile,
     ProfileFile,
     Quick,
-    Quiet,
     Seed,
     log_profile,
     rig_profile,
 )
-from heli3dof.cli.output import Output, live_allowed, verb
+from heli3dof.cli.output import Output, add_family, live_allowed, verb
 from heli3dof.errors import RecordingError, UsageError
 
 if TYPE_CHECKING:
@@ -64,19 +62,14 @@ Workers = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    for function in (identify, diagnose, compare, info, recover, run):
-        family.command(function.__name__)(function)
-    app.add_typer(
-        family,
-        name="batch",
-        help="Run a subcommand on many recordings: one row of a table each.",
-        rich_help_panel="Many recordings",
-    )
+    verbs = {f.__name__: f for f in (identify, diagnose, compare, info, recover, run)}
+    help = "Run a subcommand on many recordings: one row of a table each."
+    add_family(app, "batch", verbs, help=help, heading="Many recordings")
 
 
 @verb
 def identify(
+    out: Output,
     recordings: Words,
     output: Folder,
     method: Annotated[str, typer.Option(help="As in heli3dof identify.")] = "greybox",
@@ -95,8 +88,6 @@ def identify(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Identify a model from each recording: heli3dof batch identify term-1/ -o OUT."""
     from heli3dof.identification.greybox.method import chosen_terms
@@ -106,14 +97,12 @@ def identify(
     if terms is not None:
         chosen_terms(terms)
     options = [{"method": method, "order": order, "terms": terms}]
-    _run(
-        "identify", recordings, options, output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "identify", recordings, options, output, where, resume, workers, cluster, profile)
 
 
 @verb
 def diagnose(
+    out: Output,
     recordings: Words,
     output: Folder,
     bootstrap: Annotated[
@@ -133,21 +122,17 @@ def diagnose(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Diagnose each recording: heli3dof batch diagnose term-1/ -o OUT --quick."""
     options = [
         {"quick": quick, "seed": seed, "replicate": replicate} for replicate in range(bootstrap + 1)
     ]
-    _run(
-        "diagnose", recordings, options, output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "diagnose", recordings, options, output, where, resume, workers, cluster, profile)
 
 
 @verb
 def compare(
+    out: Output,
     recordings: Words,
     output: Folder,
     model: Annotated[
@@ -164,21 +149,17 @@ def compare(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Compare models with each recording: heli3dof batch compare term-1/ -o OUT --model m.json."""
     from heli3dof.batch.analyses import model_texts
 
     options = [{"models": model_texts(model or ["hover"])}]
-    _run(
-        "compare", recordings, options, output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "compare", recordings, options, output, where, resume, workers, cluster, profile)
 
 
 @verb
 def info(
+    out: Output,
     recordings: Words,
     output: Folder,
     where: Where = "",
@@ -186,36 +167,28 @@ def info(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: LogProfile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """List what each recording contains: heli3dof batch info term-1/ -o OUT."""
-    _run(
-        "info", recordings, [{}], output, where, resume, workers, cluster, profile,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "info", recordings, [{}], output, where, resume, workers, cluster, profile)
 
 
 @verb
 def recover(
+    out: Output,
     recordings: Words,
     output: Folder,
     where: Where = "",
     resume: Resume = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Copy the intact part of each incomplete recording: heli3dof batch recover term-1/ -o OUT."""
-    _run(
-        "recover", recordings, [{}], output, where, resume, workers, cluster, None,
-        Output(as_json=as_json, quiet=quiet),
-    )  # fmt: skip
+    _run(out, "recover", recordings, [{}], output, where, resume, workers, cluster, None)
 
 
 @verb
 def run(
+    out: Output,
     sweep: Annotated[
         Path,
         typer.Option(
@@ -227,24 +200,22 @@ def run(
     workers: Workers = None,
     cluster: Cluster = None,
     profile: ProfileFile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Fly many emulated rigs: heli3dof batch run --sweep sweep.toml -o OUT."""
     from heli3dof.batch.sweep import tasks_of_sweep
 
     tasks = tasks_of_sweep(sweep, rig_profile(profile).with_controller())
-    run_tasks(tasks, output, resume, workers, cluster, Output(as_json=as_json, quiet=quiet))
+    run_tasks(tasks, output, resume, workers, cluster, out)
 
 
 def _run(
-    name: str, words: Sequence[str], options: Sequence[Mapping[str, Any]], output: Path, where: str,
-    resume: bool, workers: int | None, cluster: str | None, profile: Path | None, out: Output,
+    out: Output, name: str, words: Sequence[str], options: Sequence[Mapping[str, Any]],
+    output: Path, where: str, resume: bool, workers: int | None, cluster: str | None,
+    profile: Path | None,
 ) -> None:  # fmt: skip
-    """Run the subcommand ``name`` on the recordings that ``words`` name, and print the results.
+    """Run the subcommand ``name`` on the recordings ``words``, and print the results.
 
-    ``options``: sets of its options; the subcommand runs on each recording once per set.
-    ``where``: condition on the recordings. The other arguments are the command line's options.
+    It runs on each recording once per set of its options in ``options``.
     """
     from heli3dof.batch.condition import checked
     from heli3dof.batch.recording_columns import COLUMNS
@@ -288,10 +259,7 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return recording → how many of its bootstrap replicates name each cause.
-
-    Recordings without replicates are omitted.
-    """
+    """Return recording with bootstrap replicates → how many of them name each cause."""
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}
@@ -351,10 +319,7 @@ def _share_table(recording: str, shares: Sequence[NamedShare]) -> Grid:
 
 @contextmanager
 def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
-    """Context manager: yields a function that displays a batch's progress and the time left.
-
-    ``name``: the batch's subcommand, shown with the progress.
-    """
+    """Context manager: yields a function that displays progress and time left of batch ``name``."""
     if out.quiet:
         yield lambda batch: None
         return

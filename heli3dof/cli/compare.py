@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli import completion
-from heli3dof.cli.options import AsJson, Force, PaperNumbers, ProfileFile, Quiet, Verbose
+from heli3dof.cli.options import Force, PaperNumbers, ProfileFile, Verbose
 from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def compare(
+    out: Output,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -50,21 +51,13 @@ def compare(
     ] = False,
     paper: PaperNumbers = False,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Compare models with flights; default: the recordings that come with heli3dof.
 
     Example: heli3dof compare rec.mcap hover model.json
     """
-    from heli3dof.cli.inputs import (
-        are_supplied,
-        load_all,
-        models_for,
-        reference_comparison,
-        split,
-    )
+    from heli3dof.cli.inputs import are_supplied, load_all, models_for, reference_comparison, split
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.document import comparison_document
     from heli3dof.model.linear.hover import hover_model
@@ -72,7 +65,6 @@ def compare(
     from heli3dof.recording.atomic_write import check_folder, check_outputs
     from heli3dof.rig.profile import default_profile
 
-    out = Output(as_json=as_json, quiet=quiet)
     folder = output or Path("comparisons") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     check_folder(folder)
     names: list[str] = []
@@ -87,7 +79,8 @@ def compare(
             recordings, identified = reference_comparison()
     names = names or ["hover"]
     if folder.exists():
-        check_outputs(*_figure_paths(recordings, folder), force=force)
+        files = (_figure_path(folder, r, a, e) for r in recordings for a in r.axes for e in FORMATS)
+        check_outputs(*files, force=force)
 
     def models(recording: Recording) -> list[Model]:
         return [*models_for(names, recording), *identified]
@@ -101,16 +94,13 @@ def compare(
     show_comparison(out, comparison, shown, paper=paper or supplied, verbose=verbose)
     for warning in comparison.warnings:
         out.warn(warning)
-    if not identify_controller and any(_may_be_identified(r) for r in recordings):
+    unknown = [r for r in recordings if r.profile.controller is None]
+    if not identify_controller and any(r.has_reference(a) for r in unknown for a in r.axes):
         out.note("To replay logs without [controller] in closed loop, add --identify-controller")
     out.note(f"Figures: {folder}")
     if not verbose:
         out.note("For step metrics and all horizons add --verbose")
     out.emit({**comparison_document(comparison, published), "figures": [str(f) for f in figures]})
-
-
-def _may_be_identified(r: Recording) -> bool:
-    return r.profile.controller is None and any(r.has_reference(a) for a in r.axes)
 
 
 def show_comparison(
@@ -139,10 +129,6 @@ def show_comparison(
     if published:
         lines.append(published_table(published))
     out.show(*lines)
-
-
-def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
-    return [_figure_path(folder, r, a, e) for r in recordings for a in r.axes for e in FORMATS]
 
 
 def _figure_path(folder: Path, recording: Recording, axis: str, ending: str) -> Path:

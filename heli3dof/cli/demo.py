@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from heli3dof.cli.options import AsJson, Quiet, Seed
+from heli3dof.cli.options import Seed
 from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 
 
 @verb
-def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def demo(out: Output, seed: Seed = 1) -> None:
     """Fly an emulated rig; identify, compare and diagnose models; report. Needs no hardware.
 
     Example: heli3dof demo
@@ -46,7 +46,6 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.report.pages.html import write_page
     from heli3dof.report.text.identification_tables import parameters_table
 
-    out = Output(as_json=as_json, quiet=quiet)
     folder = new_folder(unused(FOLDER), fix="cd to a folder of your own")
     out.note(
         "The emulated rig has two effects that the simulation lacks. The demo has to find them.\n"

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.options import ProfileFile, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.cli.renamed_options import renamed
 
@@ -21,6 +21,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def devices(
+    out: Output,
     probe: Annotated[
         bool,
         typer.Option(
@@ -28,8 +29,6 @@ def devices(
         ),
     ] = False,
     profile: ProfileFile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """List the rigs that can be opened, the installed drivers, and the rigs in use.
 
@@ -41,7 +40,6 @@ def devices(
     from heli3dof.rig.session.client import running
     from heli3dof.rig.session.paths import device_name
 
-    out = Output(as_json=as_json, quiet=quiet)
     sessions = running()
     users = {device_name(s.device): s for s in sessions if not s.private}
     table = Table("driver", "device URL", "state")
@@ -84,8 +82,7 @@ def devices(
 def _probe(url: str, profile: Path | None) -> dict[str, Any]:
     """Open a rig without arming it; return its identity and its encoder counts at rest.
 
-    If the rig cannot be opened, the entry ``problem`` gives the reason. ``profile``: file of the
-    rig's profile; None: the paper's rig.
+    If the rig cannot be opened, the entry ``problem`` gives the reason.
     """
     from heli3dof.errors import DeviceError
     from heli3dof.rig.session.open_exclusive import open_rig

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from heli3dof.cli.options import (
-    AsJson,
     Cluster,
     Force,
     Holdout,
     LogProfile,
     OutputFile,
     Quick,
-    Quiet,
     Recordings,
     ReportFile,
     Seed,
@@ -44,6 +42,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def diagnose(
+    out: Output,
     recordings: Recordings,
     holdout: Holdout = None,
     base: Annotated[
@@ -57,8 +56,6 @@ def diagnose(
     output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
@@ -73,7 +70,6 @@ def diagnose(
     from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
-    out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
     inputs = [*recordings, *(holdout or [])]
     check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)
@@ -131,10 +127,9 @@ def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
 
 
 def _exercise_ids(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return a list: for each recording the id of its rig's exercise, or None for another rig.
+    """Return the id of each recording's exercise, or None for another rig; None without exercises.
 
-    An exercise is a rig with hidden effects, for students. If no recording is of an exercise, the
-    function returns None instead of the list.
+    An exercise is a rig with hidden effects, for students.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 
@@ -189,11 +184,7 @@ def _load(
 
 
 def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
-    """Return the faults of swapped columns in the log at ``path``; empty if it is not readable.
-
-    The log is imported without checks of its values. ``profile``: file of the rig's profile; None:
-    the paper's rig.
-    """
+    """Return the faults of swapped columns in the log at ``path``; empty if it is not readable."""
     from heli3dof.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.device_option import AnyDevice, device_or_default
-from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.options import AnyDevice, ProfileFile, device_or_default, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import CheckFailed, DeviceError
 
@@ -24,6 +23,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def doctor(
+    out: Output,
     device: AnyDevice = None,
     profile: ProfileFile = None,
     folder: Annotated[
@@ -35,8 +35,6 @@ def doctor(
             "--arm", help="Also arm at zero volts, to test the watchdog and the emergency stop."
         ),
     ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Check computer, disk, port and rig, and print how to correct each failure. Moves nothing.
 
@@ -44,7 +42,6 @@ def doctor(
     """
     from heli3dof.experiment.doctor import doctor
 
-    out = Output(as_json=as_json, quiet=quiet)
     url = device_or_default(out, device)
     used = rig_profile(profile)
     out.show(f"{url}, profile {used.name}")

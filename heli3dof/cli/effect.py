@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, Quiet
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.options import Force
+from heli3dof.cli.output import Output, add_family, verb
 from heli3dof.errors import CheckFailed, UsageError, quoted
 
 if TYPE_CHECKING:
@@ -16,20 +16,14 @@ if TYPE_CHECKING:
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    family.command("new")(new)
-    family.command("list")(list_effects)
-    family.command("check")(check)
-    app.add_typer(
-        family,
-        name="effect",
-        help="Write, list and check effects: heli3dof effect list.",
-        rich_help_panel="Model",
-    )
+    verbs = {"new": new, "list": list_effects, "check": check}
+    help = "Write, list and check effects: heli3dof effect list."
+    add_family(app, "effect", verbs, help=help, heading="Model")
 
 
 @verb
 def new(
+    out: Output,
     name: Annotated[
         str | None,
         typer.Argument(
@@ -46,8 +40,6 @@ def new(
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to create the package.")
     ] = Path(),
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a package with an effect: effect new NAME, or effect new --from diagnosis.json."""
     from heli3dof.effect_files.from_diagnosis import package_files, read_formulas
@@ -59,7 +51,6 @@ def new(
             cause="a name gives an equation to replace, --from the formula of a diagnosis.",
             fix="heli3dof effect new magnet.detent, or heli3dof effect new --from diagnosis.json",
         )
-    out = Output(as_json=as_json, quiet=quiet)
     written = []
     if name is not None:
         folder, paths = _write(output, name, template_files(name), force=force)
@@ -95,11 +86,10 @@ def _write(
 
 
 @verb
-def list_effects(as_json: AsJson = False, quiet: Quiet = False) -> None:
+def list_effects(out: Output) -> None:
     """List all effects, also of installed packages: axes, parameters with units, package."""
     from heli3dof.model.effects import effects, plug_ins
 
-    out = Output(as_json=as_json, quiet=quiet)
     packages = plug_ins()
     listed = []
     for name, effect in effects().items():
@@ -123,18 +113,16 @@ def list_effects(as_json: AsJson = False, quiet: Quiet = False) -> None:
 
 @verb
 def check(
+    out: Output,
     effect: Annotated[
         str, typer.Argument(metavar="FILE|NAME", help="A Python file, or an installed effect.")
     ],
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Check an effect's units, equation and names: effect check FILE.py."""
     from heli3dof.effect_files.check import effect_of_file, problems
     from heli3dof.experiment.plan import named_plans
     from heli3dof.model.effects import effects, term
 
-    out = Output(as_json=as_json, quiet=quiet)
     if effect.endswith(".py") or "/" in effect:
         checked = effect_of_file(Path(effect))
     else:

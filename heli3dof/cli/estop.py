@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Quiet
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import quoted
 
@@ -22,6 +21,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def estop(
+    out: Output,
     device: Annotated[
         str | None,
         typer.Option("--device", metavar="URL", help="Default: every rig in use or found."),
@@ -29,19 +29,15 @@ def estop(
     reason: Annotated[
         str, typer.Option("--reason", help="Stored in the recording of the flight that it ends.")
     ] = REASON,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Stop now: zero volts on the rig, even if another process flies it."""
     from heli3dof.rig.session.estop import request_estop
 
     result = request_estop(device, reason)
-    out = Output(as_json=as_json, quiet=quiet)
     for rig in result.stopped:
-        if not quiet:  # not by rich, which takes longer to import than the stop takes
-            typer.echo(
-                f"Stopped {rig.device} in {rig.seconds * 1e3:.0f} ms: {rig.how}.", err=as_json
-            )
+        if not out.quiet:  # not by rich, which takes longer to import than the stop takes
+            text = f"Stopped {rig.device} in {rig.seconds * 1e3:.0f} ms: {rig.how}."
+            typer.echo(text, err=out.as_json)
     result.raise_if_not_stopped(device)
     for rig in result.unconfirmed:
         out.warn(f"{rig.device} did not confirm. No process here flies it: {rig.how}")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from heli3dof.axes import AXES
-from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet, Seed
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.options import Force, OutputFile, Seed
+from heli3dof.cli.output import Output, add_family, verb
 from heli3dof.errors import CheckFailed, UsageError, quoted
 
 if TYPE_CHECKING:
@@ -27,39 +26,29 @@ Sealed = Annotated[Path, typer.Argument(metavar="FILE", help="The exercise's sea
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    family.command("new")(new)
-    family.command("submit")(submit)
-    family.command("mark")(mark)
-    family.command("open")(open_)
-    app.add_typer(
-        family,
-        name="exercise",
-        help="Make a rig with hidden effects for students; mark their answers.",
-        rich_help_panel="Teach",
-    )
+    verbs = {"new": new, "submit": submit, "mark": mark, "open": open_}
+    help = "Make a rig with hidden effects for students; mark their answers."
+    add_family(app, "exercise", verbs, help=help, heading="Teach")
 
 
 @verb
 def new(
+    out: Output,
     level: Annotated[int, typer.Option("--level", min=1, max=5, help="1: easy … 5: hard.")],
     seed: Seed = 0,
     output: OutputFile = None,
     key: Key = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Hide effects in an emulated rig: heli3dof exercise new --seed 7 --level 2."""
     from heli3dof.exercise.levels import LEVELS
     from heli3dof.exercise.teacher_key import default_key, new_key, seal
-    from heli3dof.recording.atomic_write import check_output, write_file
+    from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.sealed_rig import check_nacl
 
-    out = Output(as_json=as_json, quiet=quiet)
     check_nacl()
     path, key_path = output or Path("rig.exercise"), key or default_key()
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     made = not key_path.exists()
     if made:
         new_key(key_path)
@@ -85,6 +74,7 @@ def new(
 
 @verb
 def submit(
+    out: Output,
     diagnoses: Annotated[
         list[Path] | None,
         typer.Argument(metavar="DIAGNOSIS...", help="Output of diagnose --json."),
@@ -107,15 +97,12 @@ def submit(
     ] = None,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write an answer to an exercise: heli3dof exercise submit diagnosis.json --name "Ada"."""
     from heli3dof.exercise.answer import make_answer, read_diagnosis, statements
     from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.sealed_rig import read_exercise
 
-    out = Output(as_json=as_json, quiet=quiet)
     path, files = output or Path("answer.json"), diagnoses or []
     if not files and not cause:
         raise UsageError(
@@ -142,33 +129,34 @@ def submit(
 
 @verb
 def mark(
+    out: Output,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the answers.")],
     key: Key = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Mark the answers of a class: heli3dof exercise mark answers/."""
     from heli3dof.exercise.mark_folder import mark_folder
     from heli3dof.exercise.teacher_key import default_key
 
-    out = Output(as_json=as_json, quiet=quiet)
-    rows = mark_folder(folder, _key(out, key or default_key()))
-    documents = [row.document() for row in rows]
-    out.show(*_hidden_effects(documents), _table(documents))
-    marked = sum(row.reason is None for row in rows)
-    out.note(f"Marked: {marked} of {len(rows)}")
+    answers = mark_folder(folder, _key(out, key or default_key()))
+    documents = [answer.document() for answer in answers]
+    marked_rows = {r["exercise"]: r for r in documents if r["reason"] is None}
+    for exercise, row in sorted(marked_rows.items()):
+        hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
+        out.show(f"Exercise {exercise}, level {row['level']}, hides {hidden}.")
+    out.show(_table(documents))
+    marked = sum(answer.reason is None for answer in answers)
+    out.note(f"Marked: {marked} of {len(answers)}")
     out.emit({"schema": "heli3dof.marks/1", "rows": documents})
     if not marked:
         raise typer.Exit(CheckFailed.exit_code)
 
 
 @verb
-def open_(file: Sealed, key: Key = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def open_(out: Output, file: Sealed, key: Key = None) -> None:
     """Show the hidden effects of an exercise: heli3dof exercise open rig.exercise."""
     from heli3dof.exercise.teacher_key import default_key, open_truth
     from heli3dof.rig.sealed_rig import read_exercise
 
-    out = Output(as_json=as_json, quiet=quiet)
     exercise = read_exercise(file)
     truth = open_truth(_key(out, key or default_key()), exercise)
     out.show(f"Exercise {exercise.id}, level {exercise.level}:")
@@ -198,14 +186,6 @@ def _key(out: Output, path: Path) -> SigningKey:
     if others_can_read(path):
         out.warn(f"other users can read the teacher's key: chmod 600 {quoted(path)}")
     return key
-
-
-def _hidden_effects(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield a line for each exercise in the marks ``rows``: the effects that its rig hides."""
-    seen = {r["exercise"]: r for r in rows if r["reason"] is None}
-    for exercise, row in sorted(seen.items()):
-        hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
-        yield f"Exercise {exercise}, level {row['level']}, hides {hidden}."
 
 
 def _table(rows: list[dict[str, Any]]) -> Grid:
@@ -251,10 +231,7 @@ def _same_name(name: str) -> str:
 
 
 def _names(row: dict[str, Any]) -> str:
-    """Return as text how many hidden causes the answer ``row`` names.
-
-    The text also lists the answer's wrong and confounded causes.
-    """
+    """Return as text how many hidden causes an answer names, and its wrong and confounded ones."""
     lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
     lines += [f"wrong: {name}" for name in row["wrong"]]
     lines += [f"confounded: {name}" for name in row["confounded"]]
@@ -262,20 +239,14 @@ def _names(row: dict[str, Any]) -> str:
 
 
 def _sizes(row: dict[str, Any]) -> str:
-    """Return as text, for each claimed size of an effect, its relative error.
-
-    The text also states whether the claimed interval contains the true size.
-    """
+    """Return as text each claimed size's relative error, and whether its interval has the truth."""
     where = {True: "inside", False: "outside", None: "no interval"}
     lines = [f"{100 * s['relative_error']:.0f} %, {where[s['inside']]}" for s in row["sizes"]]
     return "\n".join(lines) or "–"
 
 
 def _holdout(errors: dict[str, float | None] | None) -> str:
-    """Return the held-out RMSE of roll, pitch and yaw as text: ``0.20/0.30/0.09°``.
-
-    A dash replaces a missing value.
-    """
+    """Return the held-out RMSE of roll, pitch and yaw as text: ``0.20/–/0.09°``."""
     if not errors:
         return "–"
     return "/".join(_number(errors.get(axis)) for axis in AXES) + "°"

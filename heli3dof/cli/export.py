@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, log_profile
+from heli3dof.cli.options import Columns, Force, LogProfile, OutputFile, log_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import UsageError, did_you_mean, quoted
 
@@ -37,14 +37,13 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def export(
+    out: Output,
     recording: Source,
     output: OutputFile = None,
     to: To = None,
     profile: LogProfile = None,
     columns: Columns = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Convert a recording to a table or a viewer's format: heli3dof export REC --to foxglove.
 
@@ -54,7 +53,6 @@ def export(
     from heli3dof.recording.load import load
     from heli3dof.recording.logs.export import check_format, export, layout
 
-    out = Output(as_json=as_json, quiet=quiet)
     if _is_model(recording):
         _export_model(out, recording, output or recording.with_suffix(".mat"), to, force)
         return

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, Quiet, Verbose
+from heli3dof.cli.options import Force, Verbose
 from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def fleet(
+    out: Output,
     folder: Annotated[
         Path, typer.Argument(metavar="OUT", help="The folder of a batch, with results.csv.")
     ],
@@ -33,8 +34,6 @@ def fleet(
         ),
     ] = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """State what changed on which rig, which rigs differ, and which recordings are not used.
@@ -46,7 +45,6 @@ def fleet(
     from heli3dof.fleet.tracks import read_rows
     from heli3dof.recording.atomic_write import check_outputs
 
-    out = Output(as_json=as_json, quiet=quiet)
     if output is not None:
         check_outputs(output, force=force, inputs=[folder / results_table.CSV])
     rows = read_rows(folder)

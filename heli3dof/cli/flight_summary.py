@@ -42,10 +42,7 @@ def recording_document(recording: Recording) -> dict[str, Any]:
 
 
 def flight_table(flight: Flight) -> Grid | str:
-    """Return a table of a flight to print: step-response metrics, outcome and loop timing.
-
-    If the flight ended before its first control period, a sentence is returned instead.
-    """
+    """Return a table of a flight, or a sentence if it ended before its first control period."""
     outcome = flight.outcome
     if not outcome.periods:
         return f"Nothing was flown: {outcome.detail}"

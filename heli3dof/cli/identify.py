@@ -10,12 +10,10 @@ import typer
 
 from heli3dof.cli import completion
 from heli3dof.cli.options import (
-    AsJson,
     Force,
     Holdout,
     LogProfile,
     OutputFile,
-    Quiet,
     Recordings,
     ReportFile,
     Verbose,
@@ -33,6 +31,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def identify(
+    out: Output,
     recordings: Recordings,
     method: Annotated[
         str,
@@ -62,8 +61,6 @@ def identify(
     profile: LogProfile = None,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
@@ -72,7 +69,6 @@ def identify(
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
 
-    out = Output(as_json=as_json, quiet=quiet)
     path = output or default_output(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     check_ending(path, ".json")
@@ -134,11 +130,7 @@ def _write_report(
     *,
     force: bool,
 ) -> None:
-    """Write an HTML report on an identified model to ``path``.
-
-    ``result``: the identification; ``train``: the recordings used for it. The report also compares
-    the model with the held-out recordings ``test``, if there are any.
-    """
+    """Write a report on a model identified from ``train``; compare it with ``test``, if any."""
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model
     from heli3dof.report.pages.flight_report import flight_report

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, rig_profile
+from heli3dof.cli.options import Columns, Force, LogProfile, OutputFile, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import minus
 
@@ -33,6 +33,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def import_log(
+    out: Output,
     logs: Annotated[
         list[Path],
         typer.Argument(
@@ -52,8 +53,6 @@ def import_log(
     ] = None,
     columns: Columns = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
@@ -64,8 +63,8 @@ def import_log(
     from heli3dof.recording.logs.import_log import is_log, read_log, recording_of
     from heli3dof.recording.logs.preview import preview
     from heli3dof.recording.write import write_recording
+    from heli3dof.rig.profile_file import literal
 
-    out = Output(as_json=as_json, quiet=quiet)
     given = parse_mapping(mapping or ())
     there = all(log.exists() for log in logs)  # if not, read_log reports the missing one
     named = " ".join(map(str, logs))
@@ -81,7 +80,11 @@ def import_log(
     found = preview(log.table)
     out.show(*_lines(found))
     if given:
-        out.show(*_profile_table(given, profile))
+        out.show(
+            f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:",
+            "[log]",
+            *(f"{name} = {literal(expression)}" for name, expression in given.items()),
+        )
     recording = recording_of(log)
     for warning in recording.meta.get("warnings", ()):
         out.warn(warning)
@@ -97,10 +100,7 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield a table of a log's columns, a sentence on its samples, and what the import ignores.
-
-    ``found``: the result of `heli3dof.recording.logs.preview.preview`.
-    """
+    """Yield a table of a log's columns, a sentence on its samples, and what the import ignores."""
     from rich.table import Table
 
     table = Table("column", "from", "unit")
@@ -131,13 +131,3 @@ def _row(column: Mapping[str, Any]) -> list[str]:
         for k in ("first", "min", "max")
     )
     return [column["name"], column["source"], column["unit"], *numbers]
-
-
-def _profile_table(given: Mapping[str, str], profile: Path | None) -> Iterator[str]:
-    """Yield lines that state how to store the column mapping ``given`` in the rig's profile."""
-    from heli3dof.rig.profile_file import literal
-
-    yield f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:"
-    yield "[log]"
-    for name, expression in given.items():
-        yield f"{name} = {literal(expression)}"

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Columns, LogProfile, Quiet, Recording, Verbose, log_profile
+from heli3dof.cli.options import Columns, LogProfile, Recording, Verbose, log_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import minus
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+    from heli3dof.comparison.metrics import AxisMetrics
 
 DETAILS = ("channels", "source", "started utc", "digest")
 """Names of the table's rows that only --verbose prints"""
@@ -29,11 +29,10 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def info(
+    out: Output,
     recording: Recording,
     profile: LogProfile = None,
     columns: Columns = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Show what a recording contains: outcome, angles, the steps' overshoot and rise time, source.
@@ -45,7 +44,6 @@ def info(
     from heli3dof.comparison.metrics import flight_metrics
     from heli3dof.recording.info import read_with_info
 
-    out = Output(as_json=as_json, quiet=quiet)
     flight, about = read_with_info(recording, log_profile(profile), columns)
     # Metrics need at least two samples, and time stamps that increase.
     metrics = flight_metrics(flight) if about["timing"] else {}
@@ -63,7 +61,10 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
     """Print a table of the references' steps, if any, with at most ``most`` rows (None: all)."""
     from heli3dof.report.text.comparison_tables import metrics_of
 
-    stepped = {a: replace(m, steps=_real_steps(m)) for a, m in metrics.items()}
+    stepped = {
+        a: replace(m, steps=tuple(s for s in m.steps if s.kind in ("step", "start")))
+        for a, m in metrics.items()
+    }
     grid = metrics_of(stepped, "Steps of the reference")
     more = 0 if most is None else len(grid.rows) - most
     if more > 0:
@@ -76,15 +77,8 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
         out.show(grid)
 
 
-def _real_steps(metrics: AxisMetrics) -> tuple[StepMetrics, ...]:
-    return tuple(s for s in metrics.steps if s.kind in ("step", "start"))
-
-
 def info_table(about: Mapping[str, Any], *, brief: bool = False) -> Table:
-    """Return a table to print of ``about``, a recording's `heli3dof.recording.info.summary`.
-
-    ``brief``: omit the rows named in `DETAILS`.
-    """
+    """Return a table of a recording's `summary`; ``brief``: without the rows in `DETAILS`."""
     from rich.table import Table
 
     table = Table(show_header=False)

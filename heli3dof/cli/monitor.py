@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.device_option import AnyDevice, device_or_default
-from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.options import AnyDevice, ProfileFile, device_or_default, rig_profile
 from heli3dof.cli.output import INTERRUPTED, Output, live_allowed, verb
 
 if TYPE_CHECKING:
@@ -33,13 +32,12 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def monitor(
+    out: Output,
     device: AnyDevice = None,
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=0, help="Duration; default: until Ctrl-C.")
     ] = None,
     profile: ProfileFile = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Show angles, rates, voltages, lateness and flags ten times a second. Moves nothing.
 
@@ -47,7 +45,6 @@ def monitor(
     """
     from heli3dof.cli.monitor_state import MonitorState
 
-    out = Output(as_json=as_json, quiet=quiet)
     state = MonitorState()
     with ExitStack() as stack:
         read, about = _source(out, device, profile, stack)

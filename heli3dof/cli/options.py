@@ -11,6 +11,7 @@ from heli3dof.cli import completion
 from heli3dof.rig.url import DEVICE_VARIABLE
 
 if TYPE_CHECKING:
+    from heli3dof.cli.output import Output
     from heli3dof.rig.profile import Profile
 
 Device = Annotated[
@@ -21,6 +22,16 @@ Device = Annotated[
         envvar=DEVICE_VARIABLE,
         autocompletion=completion.devices,
         help="The rig, e.g. mock:?seed=1 or serial:///dev/ttyACM0; heli3dof devices lists them.",
+    ),
+]
+AnyDevice = Annotated[
+    str | None,
+    typer.Option(
+        "--device",
+        metavar="URL",
+        envvar=DEVICE_VARIABLE,
+        autocompletion=completion.devices,
+        help="The rig; default: the only one found, else the emulated one.",
     ),
 ]
 ProfileFile = Annotated[
@@ -121,3 +132,21 @@ def log_profile(file: Path | None) -> Profile | None:
     from heli3dof.rig.profile import load_profile
 
     return load_profile(file) if file else None
+
+
+def device_or_default(out: Output, device: str | None) -> str:
+    """Return ``device``; if it is None, the URL of the rig that is found.
+
+    The rig found is the real rig if there is exactly one. If there is none, it is the emulated rig,
+    and this function prints a note. Raises UsageError if several real rigs are found, or if
+    ``device`` has a wrong scheme or option.
+    """
+    from heli3dof.rig.drivers import MOCK, check_url, found_device
+
+    if device is not None:
+        check_url(device)
+        return device
+    found = found_device()
+    if found == MOCK:
+        out.note("No rig was found. This is the emulated one; --device selects another.")
+    return found

@@ -7,25 +7,27 @@ no live display and no colour if stderr is not a terminal or ``NO_COLOR`` is set
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from heli3dof.cli.options import AsJson, Quiet
 from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError, quoted
+from heli3dof.json_values import jsonable
 from heli3dof.write_errors import FULL, refusal
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-P = ParamSpec("P")
 INTERRUPTED = 130
 TRACEBACK = "HELI3DOF_TRACEBACK"
 """Name of an environment variable: if it is set, an internal error prints its traceback."""
@@ -148,38 +150,23 @@ def _console(**options: Any) -> Console:
     return Encoded(highlight=False, markup=False, emoji=False, **options)
 
 
-def jsonable(value: Any) -> Any:
-    """Return ``value`` converted to JSON types; NaN and infinity become None."""
-    if isinstance(value, Mapping):
-        return {str(k): jsonable(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [jsonable(v) for v in value]
-    if hasattr(value, "tolist"):
-        return jsonable(value.tolist())
-    if isinstance(value, float):
-        return value if value == value and abs(value) != float("inf") else None
-    if isinstance(value, (str, int, bool)) or value is None:
-        return value
-    if isinstance(value, complex):
-        return {"re": jsonable(value.real), "im": jsonable(value.imag)}
-    return str(value)
+def verb(function: Callable[..., None]) -> Callable[..., None]:
+    """Decorate a subcommand: give it the options --json and --quiet, and print its errors.
 
-
-def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Decorate a subcommand: if it raises an error, print the error and exit with its exit code.
-
-    The message states what happened, the likely cause and the fix.
+    ``function`` gets the `Output` of these options as its first argument, ``out``. If it raises an
+    error, the command prints the error and exits with the error's exit code. The message states
+    what happened, the likely cause and the fix.
     """
 
     @functools.wraps(function)
-    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+    def run(*args: Any, as_json: bool = False, quiet: bool = False, **options: Any) -> None:
         try:
-            function(*args, **kwargs)
+            function(Output(as_json=as_json, quiet=quiet), *args, **options)
         except Heli3dofError as error:
-            print_error(error, as_json=bool(kwargs.get("as_json")))
+            print_error(error, as_json=as_json)
             raise typer.Exit(error.exit_code) from None
         except KeyboardInterrupt as error:
-            print_interruption(error, as_json=bool(kwargs.get("as_json")))
+            print_interruption(error, as_json=as_json)
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
             # The reader of stdout ended first, as `head` does.
@@ -189,7 +176,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             if isinstance(error, typer.Exit):
                 raise
             if isinstance(error, OSError) and (explained := _explain_os_error(error)) is not None:
-                print_error(explained, as_json=bool(kwargs.get("as_json")))
+                print_error(explained, as_json=as_json)
                 raise typer.Exit(explained.exit_code) from None
             if os.environ.get(TRACEBACK):
                 raise
@@ -198,10 +185,37 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
                 cause="an internal error (a bug in heli3dof).",
                 fix=f"run it again with {TRACEBACK}=1, and report the traceback",
             )
-            print_error(fault, as_json=bool(kwargs.get("as_json")))
+            print_error(fault, as_json=as_json)
             raise typer.Exit(fault.exit_code) from error
 
+    _, *parameters = inspect.signature(function, eval_str=True).parameters.values()
+    common = inspect.signature(_common_options, eval_str=True).parameters.values()
+    last = [p for p in parameters if p.name == "verbose"]
+    others = [p for p in parameters if p.name != "verbose"]
+    run.__signature__ = inspect.Signature([*others, *common, *last])  # type: ignore[attr-defined]
     return run
+
+
+def add_family(
+    app: typer.Typer,
+    name: str,
+    verbs: Mapping[str, Callable[..., None]],
+    *,
+    help: str,
+    heading: str,
+) -> None:
+    """Add the subcommand ``name`` with subcommands of its own: ``verbs``, name → function.
+
+    ``heading``: where ``heli3dof --help`` lists it.
+    """
+    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+    for word, function in verbs.items():
+        family.command(word)(function)
+    app.add_typer(family, name=name, help=help, rich_help_panel=heading)
+
+
+def _common_options(as_json: AsJson = False, quiet: Quiet = False) -> None:
+    """Define the options that `verb` adds."""
 
 
 def _explain_os_error(error: OSError) -> Heli3dofError | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import typer
 
-from heli3dof.cli.options import AsJson, Quiet
 from heli3dof.cli.output import Output, verb
 
 
@@ -13,7 +12,7 @@ def register(app: typer.Typer) -> None:
 
 
 @verb
-def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
+def plans(out: Output) -> None:
     """List the plans that come with heli3dof: duration, content and purpose.
 
     Example: heli3dof plans
@@ -22,7 +21,6 @@ def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
 
     from heli3dof.experiment.plan import load_plan, named_plans
 
-    out = Output(as_json=as_json, quiet=quiet)
     table = Table("plan", "duration", "content", "purpose")
     listed = []
     for name, path in named_plans().items():

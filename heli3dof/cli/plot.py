@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, LogProfile, Quiet, Recordings
+from heli3dof.cli.options import Force, LogProfile, Recordings
 from heli3dof.cli.output import Output, verb
 
 ENDING = ".png"
@@ -19,6 +19,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def plot(
+    out: Output,
     recordings: Recordings,
     profile: LogProfile = None,
     output: Annotated[
@@ -31,8 +32,6 @@ def plot(
         ),
     ] = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Draw angles, references and voltages over time: heli3dof plot rec.mcap -o flight.svg."""
     from heli3dof.cli.inputs import load_all
@@ -40,7 +39,6 @@ def plot(
     from heli3dof.report.figures.flight import flight_figure
     from heli3dof.report.figures.style import check_ending, save
 
-    out = Output(as_json=as_json, quiet=quiet)
     if output is None:
         paths = [default_output(Path(f"{stem(r)}{ENDING}"), force=force) for r in recordings]
     elif len(recordings) == 1:

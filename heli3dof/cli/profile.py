@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, OutputFile, ProfileFile, Quiet, rig_profile
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.options import Force, OutputFile, ProfileFile, rig_profile
+from heli3dof.cli.output import Output, add_family, verb
 from heli3dof.errors import ProfileError, UnstableLoop, UsageError, minus
 
 if TYPE_CHECKING:
@@ -26,21 +26,14 @@ File = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-    family.command("new")(new)
-    family.command("show")(show)
-    family.command("check")(check)
-    family.command("update")(update)
-    app.add_typer(
-        family,
-        name="profile",
-        help="Write, show, check or correct a rig's profile.",
-        rich_help_panel="Plans and rigs",
-    )
+    verbs = {"new": new, "show": show, "check": check, "update": update}
+    help = "Write, show, check or correct a rig's profile."
+    add_family(app, "profile", verbs, help=help, heading="Plans and rigs")
 
 
 @verb
 def new(
+    out: Output,
     words: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="E.g. geometry.L_a=0.66. Repeatable."),
@@ -57,19 +50,16 @@ def new(
     ] = False,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
     from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys
-    from heli3dof.recording.atomic_write import check_output, write_file
+    from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
     from heli3dof.rig.profile_file import merged, new_text, settings
     from heli3dof.toml_file import read_toml, value_at
 
-    out = Output(as_json=as_json, quiet=quiet)
     path = output or Path("rig.toml")
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     given = settings(words or ())
     check_keys(given)
     data = given
@@ -81,7 +71,13 @@ def new(
     if value_at(data, COMPUTED) is None:
         _compute_hover_voltage(data, remarks)
     if no_controller:
-        _remove_controller(given, data)
+        if "controller" in given:
+            raise UsageError(
+                "--no-controller contradicts --set controller.…",
+                cause="a profile without [controller] means that the controller is unknown.",
+                fix="one of the two",
+            )
+        data.pop("controller", None)
     elif value_at(given, "controller.K") is None:
         _design_gain(data, remarks)
     profile = profile_from_dict(data, source=SOURCE)
@@ -107,13 +103,12 @@ def new(
 
 
 @verb
-def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def show(out: Output, file: File = None) -> None:
     """Show every number of a profile with its unit, derived quantities and stability margins."""
     from rich.table import Table
 
     from heli3dof.toml_file import key_of, keys, value_at
 
-    out = Output(as_json=as_json, quiet=quiet)
     profile = rig_profile(file)
     table = Table("key", "value", "unit", "meaning")
     table.columns[0].no_wrap = True
@@ -135,9 +130,8 @@ def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> No
 
 
 @verb
-def check(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+def check(out: Output, file: File = None) -> None:
     """Check a profile: keys, plausible numbers, and the stability of its loop."""
-    out = Output(as_json=as_json, quiet=quiet)
     profile = rig_profile(file)
     loop = _check_loop(out, profile)
     if not _report(out, file, profile, loop):
@@ -147,6 +141,7 @@ def check(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> N
 
 @verb
 def update(
+    out: Output,
     source: Annotated[
         Path,
         typer.Option("--from", metavar="FILE", help="A model file, or a diagnose --json file."),
@@ -154,8 +149,6 @@ def update(
     profile: ProfileFile = None,
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a profile with measured numbers: profile update --from MODEL --profile rig.toml."""
     from rich.table import Table
@@ -166,14 +159,13 @@ def update(
         check_same_rig,
         read_calibration,
     )
-    from heli3dof.recording.atomic_write import check_output, default_output, write_file
+    from heli3dof.recording.atomic_write import check_outputs, default_output, write_file
     from heli3dof.rig.profile import default_profile, load_profile, profile_from_dict
     from heli3dof.rig.profile_file import changed_text, new_text
 
-    out = Output(as_json=as_json, quiet=quiet)
     stem = "rig" if profile is None else profile.stem
     path = output or default_output(Path(f"{stem}-calibrated.toml"), force=force)
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     measured = read_calibration(source)
     if profile is not None:
         rig, text = load_profile(profile), profile.read_text(encoding="utf-8-sig")
@@ -204,10 +196,7 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Compute the hover voltage from the masses; store it in the profile ``data``.
-
-    A comment on this value is stored in ``remarks``.
-    """
+    """Store the hover voltage of the masses in the profile ``data``, a comment in ``remarks``."""
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage
@@ -239,17 +228,6 @@ def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
         "Designed by heli3dof profile new: LQR of the hover model with two integrals, "
         "Q = diag(100, 1, 10, 0, 0, 2, 10, 0.1), R = 0.05 (24/v_max)²"
     )
-
-
-def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
-    """Remove the controller from profile ``data``; UsageError if ``--set`` (``given``) sets one."""
-    if "controller" in given:
-        raise UsageError(
-            "--no-controller contradicts --set controller.…",
-            cause="a profile without [controller] means that the controller is unknown.",
-            fix="one of the two",
-        )
-    data.pop("controller", None)
 
 
 def _check_loop(out: Output, profile: Profile) -> LoopCheck:

@@ -24,10 +24,16 @@ def ask_missing(out: Output, data: dict[str, Any]) -> None:
     ``data``: the profile as nested dicts. If stdin is not a terminal, raises UsageError with the
     names of the missing keys.
     """
+    from heli3dof.rig.profile import Profile
     from heli3dof.rig.profile_file import put
-    from heli3dof.toml_file import value_at
+    from heli3dof.toml_file import keys, value_at
 
-    absent = [(name, field) for name, field in _questions() if value_at(data, name) is None]
+    questions = [
+        (name, field)
+        for name, field in keys(Profile)
+        if name in ("name", "encoder.roll_rest_deg") or field.is_required()
+    ]
+    absent = [(name, field) for name, field in questions if value_at(data, name) is None]
     missing = [name for name, field in absent if field.is_required() and name != COMPUTED]
     if not missing:
         return
@@ -74,16 +80,6 @@ def _leaves(given: Mapping[str, Any], head: str = "") -> Iterator[str]:
 
 def _is_terminal() -> bool:
     return sys.stdin.isatty()
-
-
-def _questions() -> Iterator[tuple[str, FieldInfo]]:
-    """Yield dotted key and pydantic field of each profile value to ask the user for."""
-    from heli3dof.rig.profile import Profile
-    from heli3dof.toml_file import keys
-
-    for name, field in keys(Profile):
-        if name in ("name", "encoder.roll_rest_deg") or field.is_required():
-            yield name, field
 
 
 def _ask(out: Output, name: str, field: FieldInfo) -> Any:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet
+from heli3dof.cli.options import Force, OutputFile
 from heli3dof.cli.output import Output, verb
 
 
@@ -17,11 +17,10 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def recover(
+    out: Output,
     recording: Annotated[Path, typer.Argument(metavar="REC", help="An incomplete recording.")],
     output: OutputFile = None,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Copy the intact part of an incomplete recording to a new file; the original is unchanged.
 
@@ -29,7 +28,6 @@ def recover(
     """
     from heli3dof.recording.mcap_files.recover import recover
 
-    out = Output(as_json=as_json, quiet=quiet)
     saved = recover(recording, output, force=force)
     out.show(f"Recovered {saved.samples} samples, {saved.seconds:.2f} s.")
     if saved.chunks_damaged or saved.bytes_lost:

@@ -8,15 +8,7 @@ from typing import Annotated
 import typer
 
 from heli3dof.cli import completion
-from heli3dof.cli.options import (
-    AsJson,
-    Force,
-    LogProfile,
-    OutputFile,
-    PaperNumbers,
-    Quiet,
-    Recordings,
-)
+from heli3dof.cli.options import Force, LogProfile, OutputFile, PaperNumbers, Recordings
 from heli3dof.cli.output import Output, verb
 
 
@@ -26,6 +18,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def report(
+    out: Output,
     recordings: Recordings,
     models: Annotated[
         list[str] | None,
@@ -40,8 +33,6 @@ def report(
     output: OutputFile = None,
     paper: PaperNumbers = False,
     force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write one self-contained HTML file: heli3dof report rec.mcap --model model.json."""
     from heli3dof.cli.inputs import are_supplied, load_all, models_for
@@ -54,7 +45,6 @@ def report(
     from heli3dof.report.pages.html import write_page
     from heli3dof.rig.profile import default_profile
 
-    out = Output(as_json=as_json, quiet=quiet)
     path = output or default_output(Path(f"{stem(recordings[0])}-report.html"), force=force)
     check_outputs(path, force=force, inputs=recordings)
     loaded = load_all(out, recordings, profile)

@@ -11,14 +11,12 @@ import typer
 
 from heli3dof.cli import completion
 from heli3dof.cli.options import (
-    AsJson,
     Device,
     DryRun,
     Force,
     OutputFile,
     ProfileFile,
     Quick,
-    Quiet,
     Seed,
     rig_profile,
 )
@@ -44,6 +42,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def run(
+    out: Output,
     plan: Annotated[
         str | None,
         typer.Argument(
@@ -67,8 +66,6 @@ def run(
     force: Force = False,
     seed: Seed = 0,
     dry_run: DryRun = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Fly a plan and record it: heli3dof run steps, or heli3dof run my-plan.toml."""
     from heli3dof.experiment.plan import load_plan
@@ -79,7 +76,6 @@ def run(
             cause="neither a plan nor --auto was given.",
             fix="heli3dof run rich, or heli3dof run --auto",
         )
-    out = Output(as_json=as_json, quiet=quiet)
     chosen = load_plan(plan or FIRST)
     rig = rig_profile(profile).with_controller()
     if not auto:
@@ -108,7 +104,7 @@ def fly(
     of the flight's error.
     """
     from heli3dof.experiment.control_loop.signal_handling import ignore_signals
-    from heli3dof.recording.atomic_write import check_output, new_folder
+    from heli3dof.recording.atomic_write import check_outputs, new_folder
 
     if dry_run:
         _show_plan(out, plan, profile, device, seed)
@@ -116,7 +112,7 @@ def fly(
     if output is None:
         output = default_path(plan.name)
         new_folder(output.parent)
-    check_output(output, force=force)
+    check_outputs(output, force=force)
     meta = {"command_line": ["heli3dof", *sys.argv[1:]]}
     flight = fly_with_progress(out, plan, profile, device, seed, output, force=force, meta=meta)
     ignore_signals()

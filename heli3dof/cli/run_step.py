@@ -6,17 +6,7 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import (
-    AsJson,
-    Device,
-    DryRun,
-    Force,
-    OutputFile,
-    ProfileFile,
-    Quiet,
-    Seed,
-    rig_profile,
-)
+from heli3dof.cli.options import Device, DryRun, Force, OutputFile, ProfileFile, Seed, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.cli.run import fly
 from heli3dof.errors import UsageError
@@ -28,6 +18,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def run_step(
+    out: Output,
     roll: Annotated[
         float | None,
         typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees."),
@@ -48,8 +39,6 @@ def run_step(
     force: Force = False,
     seed: Seed = 0,
     dry_run: DryRun = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Fly a step in closed loop and record it: heli3dof run-step --roll 10."""
     from heli3dof.experiment.plan import step_plan
@@ -61,6 +50,5 @@ def run_step(
             fix="heli3dof run-step --roll 10",
         )
     plan = step_plan((roll, pitch, yaw), settle_s=settle, duration_s=duration)
-    out = Output(as_json=as_json, quiet=quiet)
     rig = rig_profile(profile).with_controller()
     fly(out, plan, device, rig, output, force, seed, dry_run)

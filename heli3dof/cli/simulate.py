@@ -9,14 +9,7 @@ from typing import Annotated
 import typer
 
 from heli3dof.cli import completion
-from heli3dof.cli.options import (
-    AsJson,
-    Force,
-    OutputFile,
-    Quiet,
-    Seed,
-    log_profile,
-)
+from heli3dof.cli.options import Force, OutputFile, Seed, log_profile
 from heli3dof.cli.options import Plan as PlanName
 from heli3dof.cli.output import Output, verb
 
@@ -32,6 +25,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def simulate(
+    out: Output,
     plan: PlanName,
     model: Annotated[
         str,
@@ -56,8 +50,6 @@ def simulate(
     output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Simulate a plan on a model: heli3dof simulate steps --model hover."""
     from heli3dof.cli.flight_summary import recording_document, recording_table
@@ -67,7 +59,6 @@ def simulate(
     from heli3dof.recording.atomic_write import check_outputs, file_name
     from heli3dof.recording.write import write_recording
 
-    out = Output(as_json=as_json, quiet=quiet)
     rig = log_profile(profile)
     chosen = load_model(model, rig)
     flown = load_plan(plan)

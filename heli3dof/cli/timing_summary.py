@@ -29,13 +29,22 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     latency = details.get("latency")
     if latency:
         if latency["median_s"] is not None:
-            rows.append(("command to echo", latency_text(latency)))
-        rows.append(("unacknowledged", unacknowledged_text(latency)))
+            times = (
+                f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
+                for name, key in (("median", "median"), ("99.9 %", "p999"), ("maximum", "worst"))
+            )
+            rows.append(("command to echo", ", ".join(times)))
+        echoes = (
+            f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
+            f"the next sample, {latency['commands_never_echoed']} never"
+        )
+        rows.append(("unacknowledged", echoes))
     realtime = details.get("realtime")
     if realtime:
-        scheduled, locked = realtime["scheduled"], realtime["memory_locked"]
-        granted = f"scheduled {_yes(scheduled)}, memory locked {_yes(locked)}"
-        rows.append(("real time", granted))
+        scheduled, locked = (
+            "yes" if realtime[name] else "no" for name in ("scheduled", "memory_locked")
+        )
+        rows.append(("real time", f"scheduled {scheduled}, memory locked {locked}"))
     return rows
 
 
@@ -48,29 +57,6 @@ def timing_note(outcome: Outcome, samples: int) -> str:
     late = f"late by more than 1 ms: {outcome.late} of {samples} periods"
     skipped = _skipped(outcome.missed, outcome.lost, outcome.device_skipped)
     return f"{late}; skipped: {skipped}" if skipped else late
-
-
-def latency_text(latency: Mapping[str, Any]) -> str:
-    """Return the latency as text, in ms and control periods: median, 99.9 % quantile, maximum.
-
-    The latency is the time from sending a voltage command to its echo by the rig.
-    """
-    return ", ".join(
-        f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
-        for name, key in (("median", "median"), ("99.9 %", "p999"), ("maximum", "worst"))
-    )
-
-
-def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return a text on the voltage commands that the rig did not echo.
-
-    It states how many the next sample did not echo, and how many no sample echoed.
-    """
-    never = latency["commands_never_echoed"]
-    return (
-        f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
-        f"the next sample, {never} never"
-    )
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
@@ -109,7 +95,3 @@ def _ms(seconds: float) -> str:
 
 def _periods(count: int) -> str:
     return "1 period" if count == 1 else f"{count} periods"
-
-
-def _yes(granted: bool) -> str:
-    return "yes" if granted else "no"

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.device_option import AnyDevice, device_or_default
-from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.options import AnyDevice, ProfileFile, device_or_default, rig_profile
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import minus
 
@@ -20,6 +19,7 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def zero(
+    out: Output,
     roll: Annotated[
         float | None, typer.Option("--roll", "--elevation", help=_HELP.format("roll"))
     ] = None,
@@ -32,8 +32,6 @@ def zero(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Measure and print; store nothing.")
     ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Store the encoder counts of the rig at rest, or at the given angles. Moves nothing.
 
@@ -42,7 +40,6 @@ def zero(
     from heli3dof.axes import AXES
     from heli3dof.rig.zero import MEASURE_S, zero
 
-    out = Output(as_json=as_json, quiet=quiet)
     url = device_or_default(out, device)
     result = zero(url, rig_profile(profile), angles_deg=(roll, pitch, yaw), store=not dry_run)
     measured = result.calibration

@@ -29,10 +29,7 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the file's marks as a dict of JSON types.
-
-        Without marks, the dict has the same keys, with None or empty lists as values.
-        """
+        """Return the marks as a dict of JSON types; without marks, with None and empty lists."""
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,
@@ -71,7 +68,12 @@ def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
             cause="a typing error in the path, or a file's path.",
             fix=f"ls -d {quoted(folder.parent)}/*",
         )
-    files = sorted(f for f in folder.rglob("*") if _may_be_answer(f, folder))
+    files = sorted(
+        f
+        for f in folder.rglob("*")
+        if not (f.is_dir() or f.suffix.lower() in NOT_ANSWERS)
+        and not any(part.startswith(".") for part in f.relative_to(folder).parts)
+    )
     if not files:
         raise UsageError(
             f"{folder} has no answers.",
@@ -79,11 +81,6 @@ def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
             fix=f"ls -R {quoted(folder)}",
         )
     return [_marked(file, str(file.relative_to(folder)), key) for file in files]
-
-
-def _may_be_answer(file: Path, folder: Path) -> bool:
-    hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
-    return not hidden and not file.is_dir() and file.suffix.lower() not in NOT_ANSWERS
 
 
 def _marked(file: Path, name: str, key: SigningKey) -> MarkedAnswer:

@@ -53,10 +53,7 @@ class Mark:
 
 
 def mark(answer: Answer, truth: Truth) -> Mark:
-    """Return the marks of an answer; ``truth``: the hidden causes.
-
-    Each claim matches at most one hidden cause.
-    """
+    """Return the marks of an answer to the hidden ``truth``; a claim matches at most one cause."""
     open_causes = {c.name: c for c in truth.causes}
     right: list[str] = []
     wrong: list[Claim] = []

@@ -19,14 +19,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.exercise.levels import Cause, draw
-from heli3dof.rig.sealed_rig import (
-    Exercise,
-    HiddenRig,
-    check_nacl,
-    padded,
-    read_small,
-    sealed_rig,
-)
+from heli3dof.rig.sealed_rig import Exercise, HiddenRig, check_nacl, padded, read_small, sealed_rig
 from heli3dof.rig.session.paths import state_folder
 
 if TYPE_CHECKING:
@@ -103,6 +96,7 @@ def seal(key: SigningKey, seed: int, level: int) -> Exercise:
     ``level``: its difficulty. The same key, seed and level hide the same effects.
     """
     import numpy as np
+    from nacl.public import SealedBox
 
     def derived(purpose: str, size: int) -> bytes:
         text = f"{purpose}/{seed}/{level}".encode()
@@ -112,29 +106,20 @@ def seal(key: SigningKey, seed: int, level: int) -> Exercise:
     causes, spread = draw(level, rng)
     rig = HiddenRig(",".join(c.text for c in causes), spread, int(rng.integers(2**31)))
     truth = {"spread": spread, "causes": [[c.name, dict(c.values)] for c in causes]}
+    box = SealedBox(key.to_curve25519_private_key().public_key)
     exercise = Exercise(
         id=derived("id", 6).hex(),
         level=level,
         teacher=bytes(key.verify_key).hex(),
         rig=sealed_rig(rig),
-        truth=_sealed(key, padded(truth)),
+        truth=base64.b64encode(box.encrypt(padded(truth))).decode(),
     )
     signature = key.sign(exercise.signed_part()).signature.hex()
     return exercise.model_copy(update={"signature": signature})
 
 
-def _sealed(key: SigningKey, text: bytes) -> str:
-    from nacl.public import SealedBox
-
-    public = key.to_curve25519_private_key().public_key
-    return base64.b64encode(SealedBox(public).encrypt(text)).decode()
-
-
 def signature_problem(key: SigningKey, exercise: Exercise) -> str | None:
-    """Return None if ``key`` signed this exercise, else the reason why the signature is wrong.
-
-    Either the exercise was changed, or another key signed it.
-    """
+    """Return None if ``key`` signed this exercise as it is, else why the signature is wrong."""
     if not exercise.is_intact():
         return "the exercise in it was changed after it was sealed"
     if exercise.teacher != bytes(key.verify_key).hex():

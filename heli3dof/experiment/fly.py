@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -144,39 +144,36 @@ def fly_plan(
             warnings=[rig.rest.note] if rig.rest.note else None,
             **{"name": Path(output).stem if output else plan.name, **(meta or {})},
         )
-        if output is None:
-            return _fly_in_memory(rig, profile, signals, about, live)
-        return _fly_to_file(rig, profile, signals, about, live, Path(output), force)
+        path = None if output is None else Path(output)
+        return _fly_and_record(rig, profile, signals, about, live, path, force=force)
 
 
-def _fly_in_memory(
-    rig: StoppableRig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live
-) -> Flight:
-    sink = MemoryRecorder()
-    with stop_signals() as received:
-        outcome = _fly(rig, profile, signals, sink, received, live)
-    if not sink.rows:
-        Flight.raise_ending(outcome, None)
-    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}
-    return Flight(sink.recording(profile, about), outcome, None)
-
-
-def _fly_to_file(
+def _fly_and_record(
     rig: StoppableRig,
     profile: Profile,
     signals: Signals,
     meta: Mapping[str, Any],
     live: Live,
-    path: Path,
-    force: bool,
+    path: Path | None = None,
+    *,
+    force: bool = False,
 ) -> Flight:
+    """Fly and record to the file ``path``, or in memory if it is None."""
     # Signals are caught until the recording is closed, so that none of them leaves it incomplete.
-    with stop_signals() as received, RecordingWriter(path, profile, meta, force=force) as writer:
-        outcome = _fly(rig, profile, signals, writer, received, live)
-        writer.outcome(outcome.ending, **outcome.details())
-    if not writer.rows:
+    with stop_signals() as received, ExitStack() as closing:
+        sink: MemoryRecorder | RecordingWriter = MemoryRecorder()
+        if path is not None:
+            sink = closing.enter_context(RecordingWriter(path, profile, meta, force=force))
+        outcome = _fly(rig, profile, signals, sink, received, live)
+        if isinstance(sink, RecordingWriter):
+            sink.outcome(outcome.ending, **outcome.details())
+    if not sink.rows:
         Flight.raise_ending(outcome, path)
-    return Flight(read_recording(path), outcome, path)
+    if path is not None:
+        return Flight(read_recording(path), outcome, path)
+    assert isinstance(sink, MemoryRecorder)
+    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}
+    return Flight(sink.recording(profile, about), outcome, None)
 
 
 def _fly(

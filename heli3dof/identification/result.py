@@ -20,8 +20,8 @@ from heli3dof.identification.reduction import factored
 from heli3dof.identification.residual_tests import ResidualTest
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.identification.validation import Metrics, Score
+from heli3dof.json_values import jsonable
 from heli3dof.model.base import Model
-from heli3dof.model.model_file import jsonable
 from heli3dof.results import Result, optional
 
 if TYPE_CHECKING:

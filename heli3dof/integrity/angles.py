@@ -22,15 +22,59 @@ from heli3dof.recording.logs import angle_units
 
 
 def angles(view: View) -> Iterable[Fault]:
-    """Yield each axis' fault of a wrong unit."""
+    """Yield a fault for each angle in degrees, in counts, or too small by a factor π/180."""
+    r, rows = view.recording, view.finite_rows
     for i in _judged(view):
-        yield from unit(view, i)
+        axis, q = AXES[i], r.angle[rows, i]
+        if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):
+            counts = abs(int(getattr(r.profile.encoder, axis)))
+            yield Fault(
+                "angle.unit", Kind.BAD_DATA, r.name,
+                f"{r.name}: {axis} contains whole numbers up to {np.abs(q).max():.6g}.",
+                f"raw encoder counts ({counts} per revolution) instead of an angle.",
+                f"multiply by {360 / counts:.6g}° (and the encoder's sign)", axis=axis,
+            )  # fmt: skip
+            continue
+        columns = {f"v_{m}_V": r.voltage[rows, k] for k, m in enumerate(MOTORS)}
+        columns["t_s"] = r.t[rows]
+        ref = r.reference[rows, i]
+        if np.isfinite(ref).all():
+            columns[f"{axis}_ref_rad"] = ref
+        # The log may have named either unit: the values must pass the test under both names.
+        for name, values in ((f"{axis}_rad", q), (f"{axis}_deg", np.degrees(q))):
+            try:
+                angle_units.check_angles(r.name, {**columns, name: values}, r.profile)
+            except RecordingError as error:
+                yield bad_data_fault("angle.unit", view, error, axis)
+                break
 
 
 def grids(view: View) -> Iterable[Fault]:
-    """Yield each axis' fault of a wrong encoder grid."""
+    """Yield a note for each angle on no grid, and bad data for one on another encoder's."""
+    r = view.recording
     for i in _judged(view):
-        yield from grid(view, i)
+        axis, q = AXES[i], r.angle[view.finite_rows, i]
+        in_profile = int(getattr(r.profile.encoder, axis))
+        counts = abs(in_profile)
+        fitted = counts if np.ptp(q) == 0 else angle_units.counts_seen(q, "rad", counts)
+        if fitted is None:
+            yield Fault(
+                "encoder.grid", Kind.NOTE, r.name,
+                f"{r.name}: {axis} does not lie on the encoder's grid of {360 / counts:.4f}°.",
+                "filtering, resampling, printing with few digits, or a simulation without encoder.",
+                "log the angles as the encoder reads them", axis=axis,
+            )  # fmt: skip
+        elif fitted != counts and not any(
+            f.kind == Kind.BAD_DATA for f in scale.counts(view) if f.axis == axis
+        ):
+            yield Fault(
+                "encoder.grid", Kind.BAD_DATA, r.name,
+                f"{r.name}: {axis} lies on a grid of {fitted:.6g} counts per revolution; the "
+                f"profile has {counts}.",
+                "another encoder, or edges counted once or twice instead of four times.",
+                f"set encoder.{axis} = {np.copysign(fitted, in_profile):.6g} in the profile if the "
+                "angles are right", axis=axis, confidence=0.99,
+            )  # fmt: skip
 
 
 def _judged(view: View) -> list[int]:
@@ -42,60 +86,6 @@ def _judged(view: View) -> list[int]:
     if view.finite_rows.sum() < 20:
         return []
     return [i for i in view.measured if not 0 < len(deviations(view, i)[1]) <= FEW]
-
-
-def unit(view: View, i: int) -> Iterable[Fault]:
-    """Yield a fault if angle number i is in degrees, in counts, or too small by a factor π/180."""
-    r, rows = view.recording, view.finite_rows
-    axis, q = AXES[i], r.angle[rows, i]
-    if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):
-        counts = abs(int(getattr(r.profile.encoder, axis)))
-        yield Fault(
-            "angle.unit", Kind.BAD_DATA, r.name,
-            f"{r.name}: {axis} contains whole numbers up to {np.abs(q).max():.6g}.",
-            f"raw encoder counts ({counts} per revolution) instead of an angle.",
-            f"multiply by {360 / counts:.6g}° (and the encoder's sign)", axis=axis,
-        )  # fmt: skip
-        return
-    columns = {f"v_{m}_V": r.voltage[rows, k] for k, m in enumerate(MOTORS)}
-    columns["t_s"] = r.t[rows]
-    ref = r.reference[rows, i]
-    if np.isfinite(ref).all():
-        columns[f"{axis}_ref_rad"] = ref
-    # The log's column may have named either unit: the values must pass the test under both names.
-    for name, values in ((f"{axis}_rad", q), (f"{axis}_deg", np.degrees(q))):
-        try:
-            angle_units.check_angles(r.name, {**columns, name: values}, r.profile)
-        except RecordingError as error:
-            yield bad_data_fault("angle.unit", view, error, axis)
-            return
-
-
-def grid(view: View, i: int) -> Iterable[Fault]:
-    """Yield a note if angle number i is on no grid, and bad data if it is on another encoder's."""
-    r, axis = view.recording, AXES[i]
-    q = r.angle[view.finite_rows, i]
-    in_profile = int(getattr(r.profile.encoder, axis))
-    counts = abs(in_profile)
-    fitted = counts if np.ptp(q) == 0 else angle_units.counts_seen(q, "rad", counts)
-    if fitted is None:
-        yield Fault(
-            "encoder.grid", Kind.NOTE, r.name,
-            f"{r.name}: {axis} does not lie on the encoder's grid of {360 / counts:.4f}°.",
-            "filtering, resampling, printing with few digits, or a simulation without encoder.",
-            "log the angles as the encoder reads them", axis=axis,
-        )  # fmt: skip
-    elif fitted != counts and not any(
-        f.kind == Kind.BAD_DATA for f in scale.counts(view) if f.axis == axis
-    ):
-        yield Fault(
-            "encoder.grid", Kind.BAD_DATA, r.name,
-            f"{r.name}: {axis} lies on a grid of {fitted:.6g} counts per revolution; the profile "
-            f"has {counts}.",
-            "another encoder, or edges counted once or twice instead of four times.",
-            f"set encoder.{axis} = {np.copysign(fitted, in_profile):.6g} in the profile if the "
-            "angles are right", axis=axis, confidence=0.99,
-        )  # fmt: skip
 
 
 CHECKS = (

@@ -78,10 +78,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """A check of a recording: ``run(view)`` returns its faults.
-
-    ``reports`` describes, in a few words, what kind of fault the check reports.
-    """
+    """A check of a recording: ``run(view)`` returns faults of the kind that ``reports`` states."""
 
     name: str
     stage: Stage

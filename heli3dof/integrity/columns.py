@@ -114,10 +114,9 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion swapped columns may explain.
+    """Return the axes whose motion swapped columns may explain; ``T``: `_table`.
 
-    These are the `inconsistent` axes; if a voltage is constant, all driven axes. ``T``: table (N,
-    8) of angles, voltages and references (`_table`).
+    These are the `inconsistent` axes; if a voltage is constant, all driven axes.
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
@@ -192,10 +191,7 @@ def _names(*columns: int) -> set[str]:
 
 
 def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """Return (angle column, reference column, evidence) of two swapped columns, else None.
-
-    Two columns are swapped if the reference is on the encoder's grid, but the angle is not.
-    """
+    """Return angle, reference and evidence if only the reference is on the encoder's grid."""
     r, rows = view.recording, view.finite_rows
     if rows.sum() < 100:
         return None

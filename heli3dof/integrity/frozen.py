@@ -64,7 +64,14 @@ def frozen(view: View) -> Iterable[Fault]:
         intervals = still_intervals(view, i)
         proven = [w for w in (_evidence(view, i, a, b, u, J) for a, b in intervals) if w]
         if not proven:
-            yield from _never_moves(view, i)
+            if np.ptp(r.angle[view.finite_rows, i]) == 0 and view.airborne.any():
+                yield Fault(
+                    "encoder.frozen", Kind.NOTE, r.name,
+                    f"{r.name}: {AXES[i]} never changes by a count. Its voltages are too small to "
+                    "decide whether it should move.",
+                    "the axis is clamped or held by friction, or its encoder is not connected.",
+                    CHECK_BY_HAND.format(AXES[i]), axis=AXES[i], confidence=0.5,
+                )  # fmt: skip
             continue
         a, b, evidence = max(proven, key=lambda x: x[1] - x[0])
         whole = b - a > 0.98 * len(r)
@@ -83,19 +90,6 @@ def frozen(view: View) -> Iterable[Fault]:
             if whole or a < 5 / r.dt else
             f"use the data before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",
             axis=AXES[i], confidence=0.99,
-        )  # fmt: skip
-
-
-def _never_moves(view: View, i: int) -> Iterable[Fault]:
-    """Yield a note if axis number i never moves in a flight; friction may hold it."""
-    r = view.recording
-    if np.ptp(r.angle[view.finite_rows, i]) == 0 and view.airborne.any():
-        yield Fault(
-            "encoder.frozen", Kind.NOTE, r.name,
-            f"{r.name}: {AXES[i]} never changes by a count. Its voltages are too small to decide "
-            "whether it should move.",
-            "the axis is clamped or held by friction, or its encoder is not connected.",
-            CHECK_BY_HAND.format(AXES[i]), axis=AXES[i], confidence=0.5,
         )  # fmt: skip
 
 

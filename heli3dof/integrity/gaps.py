@@ -30,7 +30,14 @@ def gaps(view: View) -> Iterable[Fault]:
     if len(r) < 20 or not (np.diff(r.t) > 0).all():
         return
     missing, holes = view.ticks.missing, np.diff(r.t) >= HOLE_S
-    yield from _holes(view, np.flatnonzero(holes))
+    if holes.any():
+        each = (f"from {r.t[k]:.1f} to {r.t[k + 1]:.1f} s" for k in np.flatnonzero(holes))
+        yield Fault(
+            "timing.hole", Kind.NOTE, r.name, f"{r.name}: no samples {' and '.join(each)}.",
+            "the log was cut or joined, or the link was down. The parts before and after are used "
+            "as separate intervals.",
+            "",
+        )  # fmt: skip
     sizes = [int(n) for n in missing[(missing > 0) & ~holes]]
     columns = np.column_stack([r.voltage, r.angle])
     logged = columns[:, np.isfinite(columns).any(axis=0)]
@@ -61,20 +68,6 @@ def gaps(view: View) -> Iterable[Fault]:
         "periods were late or skipped",
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,
-    )  # fmt: skip
-
-
-def _holes(view: View, before: np.ndarray) -> Iterable[Fault]:
-    """Yield a note on the holes, if there are any; ``before``: the rows before them."""
-    r = view.recording
-    if not len(before):
-        return
-    each = " and ".join(f"from {r.t[k]:.1f} to {r.t[k + 1]:.1f} s" for k in before)
-    yield Fault(
-        "timing.hole", Kind.NOTE, r.name, f"{r.name}: no samples {each}.",
-        "the log was cut or joined, or the link was down. The parts before and after are used as "
-        "separate intervals.",
-        "",
     )  # fmt: skip
 
 

@@ -66,7 +66,8 @@ def jumps(view: View) -> Iterable[Fault]:
         size = float(change[k])
         turn = next((w for w in (360, 180) if abs(abs(size) - np.radians(w)) < WRAP), None)
         back = k + 1 < len(change) and abs(change[k] + change[k + 1]) < 0.5 * abs(size)
-        first = _stood_from(view, i, k)
+        moved = np.flatnonzero(change[:k] != 0)
+        first = int(moved[-1]) + 1 if len(moved) else 0  # from here on, one count until row k
         froze = not back and turn is None and r.t[k] - r.t[first] >= STOOD_S
         times = f"{len(at)} times, at most" if len(at) > 1 else "once,"
         yield Fault(
@@ -99,12 +100,6 @@ def _unwrapping(recording: Recording, axis: str, turn: int) -> str:
     column, angle = column_of(recording, axis)
     whole = f"unwrap({angle})" if turn == 360 else f"unwrap(2*{operand(angle)})/2"
     return f"unwrap it: heli3dof import … {as_options({column: whole})}"
-
-
-def _stood_from(view: View, i: int, k: int) -> int:
-    """Return the first row from which axis number i stays on one count until row k."""
-    moved = np.flatnonzero(np.diff(view.recording.angle[: k + 1, i]) != 0)
-    return int(moved[-1]) + 1 if len(moved) else 0
 
 
 CHECKS = (Check("encoder.jump", Stage.MOTION, "many counts within one sample", jumps),)

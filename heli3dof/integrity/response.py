@@ -105,11 +105,15 @@ def responses(
     for i, axis in enumerate(AXES):
         if axis not in recording.axes:
             continue
-        columns = [windows.over(u[:, i]), windows.dot(u[:, i])]
-        columns += [windows.over(x) for x in slow[i]]
-        columns += [windows.dot(angle[:, i])]
-        X = np.column_stack(columns)[kept]
-        z = windows.ddot(angle[:, i])[kept]
+        phi, phi_dot, q = windows.phi, windows.phi_dot, angle[:, i]
+        regressors = [
+            (u[:, i], phi),
+            (u[:, i], phi_dot),
+            *((x, phi) for x in slow[i]),
+            (q, phi_dot),
+        ]
+        X = np.column_stack([windows.integrals(*each) for each in regressors])[kept]
+        z = windows.integrals(q, windows.phi_ddot)[kept]
         response = _fit(with_step(X, z, X[:, 2], windows.middle_s[kept]), z)
         if response is not None:
             result[axis] = response
@@ -153,22 +157,14 @@ class _Windows:
         ddot = (-6 * bump**2 + 24 * x**2 * bump) / T**2 * norm
         self.phi_ddot = ddot - ddot.mean()
 
-    def _apply(self, x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    def integrals(self, x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+        """Return ∫ x ``kernel`` dt (windows,); ``kernel``: `phi`, `phi_dot` or `phi_ddot`."""
         rows = np.lib.stride_tricks.sliding_window_view(x, len(kernel))[:: self.step]
         return np.asarray(rows @ kernel)
 
-    def over(self, x: np.ndarray) -> np.ndarray:
-        return self._apply(x, self.phi)
-
-    def dot(self, x: np.ndarray) -> np.ndarray:
-        return self._apply(x, self.phi_dot)
-
-    def ddot(self, x: np.ndarray) -> np.ndarray:
-        return self._apply(x, self.phi_ddot)
-
     def complete(self, ok: np.ndarray) -> np.ndarray:
         """Return (windows,) bool: windows in which all rows are ``ok``."""
-        return self._apply((~ok).astype(float), np.ones(2 * self.half + 1)) < 0.5
+        return self.integrals((~ok).astype(float), np.ones(2 * self.half + 1)) < 0.5
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -74,9 +74,7 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
     """Return χ² (see the module): how badly encoder factors k explain the responses g.
 
-    k: encoder reading over true angle; g: response as a multiple of the profile's. ``log_g``,
-    ``log_k``: {axis: ln g}, {axis: ln k}. ``h``: ratio of the hover voltage to the profile's, None
-    if unknown.
+    ``log_g``, ``log_k``: {axis: ln g}, {axis: ln k}; ``h``: None if unknown.
     """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:
@@ -171,10 +169,7 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return (K, h) if the amplifier's gain is wrong, else None.
-
-    K: thrust relative to the profile's; h: hover voltage relative to the profile's.
-    """
+    """Return (K, h) of the module's docstring if the amplifier's gain is wrong, else None."""
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

@@ -22,7 +22,11 @@ class View:
     """Quantities of one recording of N samples, computed on first use; NaN replaces infinities."""
 
     def __init__(self, recording: Recording) -> None:
-        self.recording = _finite(recording)
+        r = recording
+        if np.isinf(r.angle).any() or np.isinf(r.voltage).any():
+            angle, voltage = (np.where(np.isinf(x), np.nan, x) for x in (r.angle, r.voltage))
+            r = replace(r, angle=angle, voltage=voltage)
+        self.recording = r
 
     @cached_property
     def measured(self) -> list[int]:
@@ -92,14 +96,3 @@ class View:
     def responses_to(self, recording: Recording) -> dict[str, Response]:
         """Return `responses` for the voltages of ``recording``, a copy with other voltages."""
         return responses(recording, self.airborne, self.ticks.number, self.ticks.period_s)
-
-
-def _finite(r: Recording) -> Recording:
-    """Return the recording with NaN in place of infinite angles and voltages."""
-    if not (np.isinf(r.angle).any() or np.isinf(r.voltage).any()):
-        return r
-    return replace(
-        r,
-        angle=np.where(np.isinf(r.angle), np.nan, r.angle),
-        voltage=np.where(np.isinf(r.voltage), np.nan, r.voltage),
-    )

@@ -7,7 +7,7 @@ Voltages beyond the amplifier's limit ±v_max have one of two causes:
 * v_max in the profile is too low, and the motors received these voltages.
 
 If more than the share `DIFFERS` of the rows is beyond the limit, the motion decides
-(`_reached_motors`). The first cause is assumed if fewer rows are, or if the motion does not decide.
+(`explains_better`). The first cause is assumed if fewer rows are, or if the motion does not decide.
 
 The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
 differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, one of
@@ -94,7 +94,9 @@ def limit(view: View) -> Iterable[Fault]:
             "per cent of the limit instead of volts.",
             voltage_remedy(r, f"{v_max / 100:.4g}*{{f}}", f"{v_max / 100:.4g}*{{b}}"),
         )  # fmt: skip
-    elif rows.mean() > DIFFERS and _reached_motors(view):
+    elif rows.mean() > DIFFERS and explains_better(
+        view.responses, view.responses_to(limited(view.recording))
+    ):
         yield Fault(
             "voltage.limit", Kind.BAD_DATA, r.name,
             f"{exceeds}, and the motion shows that it reached the motors.",
@@ -108,11 +110,6 @@ def limit(view: View) -> Iterable[Fault]:
             "the log contains the controller's output before the limiter.",
             "if the amplifier's limit is higher, correct motor.v_max",
         )  # fmt: skip
-
-
-def _reached_motors(view: View) -> bool:
-    """Return True if voltages beyond the limit explain the motion better than limited ones."""
-    return explains_better(view.responses, view.responses_to(limited(view.recording)))
 
 
 def explains_better(a: dict[str, Response], b: dict[str, Response]) -> bool:
@@ -250,7 +247,9 @@ def commanded(view: View) -> Iterable[Fault]:
             confidence=0.99,
         )  # fmt: skip
         return
-    late = _one_row_late(cmd, v, rows)
+    both = rows[1:] & rows[:-1]
+    one_row_off = np.abs(v[1:] - cmd[:-1])[both].max(axis=1) > DIFFERS_V
+    late = both.sum() >= 100 and float(one_row_off.mean()) < DIFFERS
     yield Fault(
         "voltage.commanded", Kind.NOTE, r.name,
         f"{r.name}: below the limit, the amplifier's voltage differs from the command in "
@@ -261,14 +260,6 @@ def commanded(view: View) -> Iterable[Fault]:
         "a slew-rate limit, a watchdog, lost commands, or noise of a measured voltage.",
         "",
     )  # fmt: skip
-
-
-def _one_row_late(cmd: np.ndarray, v: np.ndarray, rows: np.ndarray) -> bool:
-    both = rows[1:] & rows[:-1]
-    if both.sum() < 100:
-        return False
-    off = np.abs(v[1:] - cmd[:-1])[both].max(axis=1) > DIFFERS_V
-    return float(off.mean()) < DIFFERS
 
 
 CHECKS = (

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import importlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from heli3dof.errors import RecordingError, UsageError, did_you_mean, quoted, why_missing
+from heli3dof.json_values import jsonable
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import check_ending, write_file
 
@@ -130,20 +128,3 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
     return RecordingError(f"{path} {what}.", cause=cause, fix=fix)
-
-
-def jsonable(value: Any) -> Any:
-    """Return ``value`` as JSON data: arrays as lists, complex as [re, im], NaN and ∞ as null."""
-    if isinstance(value, Mapping):
-        return {str(k): jsonable(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return jsonable(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [jsonable(v) for v in value]
-    if isinstance(value, np.generic):
-        return jsonable(value.item())
-    if isinstance(value, complex):
-        return [jsonable(value.real), jsonable(value.imag)]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -67,7 +67,14 @@ def check_outputs(*outputs: Path | None, force: bool, inputs: Iterable[Path] = (
     for path in outputs:
         if path is None:
             continue
-        check_output(path, force=force)
+        _check_name(path, force=force)
+        with write_errors_explained(path):
+            place = path.resolve()
+            if place.exists() and not place.is_file():  # a pipe or a device
+                if not os.access(place, os.W_OK):
+                    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            else:
+                _probe(place.parent)
         if any(path.exists() and path.samefile(p) for p in read):
             raise UsageError(
                 f"{path} is an input and cannot be the output as well.",
@@ -100,23 +107,6 @@ def check_ending(path: Path, ending: str) -> None:
             cause="the output was given the name of a file of another format.",
             fix=f"-o {name}, then heli3dof export {name}; in Python the function export",
         )
-
-
-def check_output(path: Path, *, force: bool) -> None:
-    """Raise an error if the output file ``path`` cannot be created.
-
-    * OutputExists: it exists, and ``force`` is False
-    * UsageError: its folder is missing or not writable
-    * NoSpace: the disk is full
-    """
-    _check_name(path, force=force)
-    with write_errors_explained(path):
-        place = path.resolve()
-        if place.exists() and not place.is_file():  # a pipe or a device
-            if not os.access(place, os.W_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        else:
-            _probe(place.parent)
 
 
 def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
@@ -215,7 +205,7 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
     folder, no permission) or NoSpace.
     """
     path = Path(path)
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     path = path.resolve()  # a link stays a link; its target is replaced
     if path.exists() and not path.is_file():  # write to /dev/stdout, do not replace it
         with write_errors_explained(path), path.open("wb", buffering=0) as stream:

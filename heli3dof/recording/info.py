@@ -7,6 +7,7 @@ example because the program was killed, or if bytes in the middle are unreadable
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -95,11 +96,15 @@ def summary(recording: Recording) -> dict[str, Any]:
             }
     min_V, max_V = _range(recording.voltage)
     stuck = int((np.diff(recording.t) <= 0).sum())
+    clock = (
+        f"the time does not increase at {stuck} of {len(recording)} samples. Likely cause: the "
+        "device's clock is stopped or runs backwards. Try: heli3dof doctor"
+    )
     return {
         "name": recording.name,
         "samples": len(recording),
         "duration_s": recording.duration if len(recording) else 0.0,
-        "timing": timing(recording.t).to_dict() if len(recording) > 1 and not stuck else None,
+        "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
         "voltage": {
@@ -119,22 +124,13 @@ def summary(recording: Recording) -> dict[str, Any]:
         "outcome_details": meta.get("outcome_details", {}),
         "warnings": [
             *meta.get("warnings", []),
-            *_stuck_clock(stuck, len(recording)),
+            *([clock] if stuck else []),
             *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
             *still_encoder_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }
-
-
-def _stuck_clock(stuck: int, samples: int) -> list[str]:
-    if not stuck:
-        return []
-    return [
-        f"the time does not increase at {stuck} of {samples} samples. Likely cause: the device's "
-        "clock is stopped or runs backwards. Try: heli3dof doctor"
-    ]
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:

@@ -1,8 +1,7 @@
 """`link_warnings`: warns of a poor link between this computer and the rig.
 
-It warns of a latency above one control period, of lost samples, of rejected samples, and of
-commands that the next sample does not acknowledge. The recording contains these values, so
-``heli3dof info`` can repeat the warnings that end a flight's output.
+The recording contains the link's counters and latency, so ``heli3dof info`` can repeat the warnings
+that end a flight's output.
 """
 
 from __future__ import annotations

@@ -230,11 +230,8 @@ def recording_of_arrays(
 ) -> Recording:
     """Return a `Recording` made of arrays; omitted references and voltages become columns of NaN.
 
-    Only shapes are checked; `heli3dof.recording.logs.from_arrays` also checks the values.
-
-    ``t`` (N,) in s; voltages (N, 2) in V, front and back; ``angle``, ``reference`` (N, 3) in rad,
-    roll, pitch and yaw; ``channels``: further signals, name → (N,). ``voltage_cmd``: before the
-    limiter; ``voltage_extra``: added by the experiment.
+    Only shapes are checked; `heli3dof.recording.logs.from_arrays` also checks the values. The
+    arguments are the fields of `Recording`.
     """
     times = _floats("t", t)
     n = len(times) if times.ndim else 0

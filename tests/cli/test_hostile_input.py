@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.cli.compare import _figure_paths
+from heli3dof.cli.compare import _figure_path
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.model_file import save_model
 from heli3dof.recording.mcap_files.reader import read_recording
@@ -251,7 +251,7 @@ def test_compare_keeps_existing_figures(bad: Path, tmp_path: Path) -> None:
 def test_a_recordings_name_does_not_lead_to_another_folder(bad: Path, tmp_path: Path) -> None:
     flight = read_recording(bad / "rec.mcap")
     named = replace(flight, meta={**flight.meta, "name": "../evil"})
-    assert {p.parent for p in _figure_paths([named], tmp_path)} == {tmp_path}
+    assert _figure_path(tmp_path, named, "roll", "svg").parent == tmp_path
 
 
 @pytest.mark.parametrize("words", [STEP, ("run", "--auto", *STEP[-2:]), ("demo",)])

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.cli.output import jsonable
 from heli3dof.errors import RecordingError
 from heli3dof.fleet.analyse import analyse
 from heli3dof.fleet.result import Fleet
+from heli3dof.json_values import jsonable
 from heli3dof.report.text.fleet_sentences import finding_sentences
 from tests.fleet.making import DEVIATING, DIFFERS, DRIFT, STEP, term_rows
 

@@ -16,9 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import NoSpace, OutputExists, RecordingError, UsageError
+from heli3dof.json_values import jsonable
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.model import LinearModel
-from heli3dof.model.model_file import SCHEMA, jsonable, read_model, save_model
+from heli3dof.model.model_file import SCHEMA, read_model, save_model
 from heli3dof.paper.models import BUILT_IN, load_model
 from tests.model.examples import PROFILE, in_another_basis
 from tests.paths import ROOT

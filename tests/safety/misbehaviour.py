@@ -43,7 +43,7 @@ from heli3dof_drivers.link.rig import LinkRig
 from heli3dof.cli.flight_summary import flight_document, flight_table
 from heli3dof.errors import DeviceError, Heli3dofError
 from heli3dof.experiment.control_loop.loop import Live
-from heli3dof.experiment.fly import Flight, _fly_in_memory, fly_plan, prepare
+from heli3dof.experiment.fly import Flight, _fly_and_record, fly_plan, prepare
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.info import summary
 from heli3dof.recording.mcap_files.reader import read_recording
@@ -313,9 +313,7 @@ def virtual_time() -> Iterator[Clock]:
         patch.setattr("heli3dof.experiment.control_loop.rig_exchange.monotonic", clock.monotonic)
         # The boottime clock stays real: on a busy machine it would show a computer that slept.
         patch.setattr("heli3dof.experiment.safety_monitors.host_suspend.ahead_s", lambda: 0.0)
-        patch.setattr(
-            "heli3dof.experiment.control_loop.loop._granted", lambda identity: nullcontext()
-        )
+        patch.setattr("heli3dof.experiment.control_loop.loop.realtime", nullcontext)
         yield clock
 
 
@@ -333,7 +331,7 @@ def emulated(seed: int) -> Result:
             with Session(f"misbehaving://{os.getpid()}", private=True) as session:
                 rig = StoppableRig(opened, session, COUNTS_AT_POWER_UP)
                 about = provenance(source="flight", plan=PLAN.to_dict(), identity=rig.identity)
-                _judge(_fly_in_memory(rig, PROFILE, signals, about, Live()), result)
+                _judge(_fly_and_record(rig, PROFILE, signals, about, Live()), result)
         except Heli3dofError as problem:
             _explains(problem, result)
         except BaseException:

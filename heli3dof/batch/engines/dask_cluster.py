@@ -44,7 +44,7 @@ class DaskCluster:
     def __init__(self, address: str) -> None:
         self._address = address
         optional("distributed", extra="cluster")
-        self._client = self._connected(ANSWER_S)
+        self._client = self._connected()
         self._await_worker(ANSWER_S)
         self._check_code()
 
@@ -111,11 +111,11 @@ class DaskCluster:
             for future in list(arrived.futures):
                 future.cancel()
 
-    def _connected(self, timeout_s: float) -> Client:
+    def _connected(self) -> Client:
         from distributed import Client
 
         try:
-            return Client(self._address, timeout=timeout_s, set_as_default=False)
+            return Client(self._address, timeout=ANSWER_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise DeviceError(
                 f"The Dask scheduler {self._address} does not answer: {error}.",
@@ -129,7 +129,7 @@ class DaskCluster:
         until = time.monotonic() + RESTART_S
         while True:
             try:
-                self._client = self._connected(ANSWER_S)
+                self._client = self._connected()
                 break
             except DeviceError:
                 if time.monotonic() > until:

@@ -36,11 +36,7 @@ class Processes:
     remote = False
 
     def __init__(self, workers: int | None = None) -> None:
-        self._workers = workers or core_count()
-
-    @property
-    def workers(self) -> int:
-        return self._workers
+        self.workers = workers or core_count()
 
     def __enter__(self) -> Self:
         return self
@@ -49,16 +45,16 @@ class Processes:
         pass
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
-        threads = max(1, core_count() // self._workers)
+        threads = max(1, core_count() // self.workers)
         waiting = enumerate(items)
         deaths: Counter[int] = Counter()
         running: dict[Future[R], tuple[int, T]] = {}
         pool = ProcessPool(
-            self._workers, context=_context(), initializer=_begin, initargs=(threads,)
+            self.workers, context=_context(), initializer=_begin, initargs=(threads,)
         )
         try:
             while True:
-                while len(running) < (1 + AHEAD) * self._workers:
+                while len(running) < (1 + AHEAD) * self.workers:
                     following = next(waiting, None)
                     if following is None:
                         break
@@ -82,11 +78,7 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return the multiprocessing context that starts the worker processes.
-
-    It uses a fork server, which has imported `PRELOADED`. Where the operating system has no fork
-    server, it uses spawn.
-    """
+    """Return the context of a fork server that has imported `PRELOADED`; of spawn without one."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

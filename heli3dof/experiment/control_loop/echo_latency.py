@@ -18,8 +18,7 @@ enabled; a stopped device refuses every command.
 from __future__ import annotations
 
 from array import array
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from heli3dof.rig.histogram import Histogram
 from heli3dof.rig.interface import Flags, Sample
@@ -47,9 +46,6 @@ class EchoLatency:
     """``median_s`` in whole control periods, rounded, at least 1"""
     p999_periods: int | None
     worst_periods: int | None
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 class EchoMeter:

@@ -11,8 +11,8 @@ the hover voltage, else at once. The loop also records the periods of the ramp.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError
@@ -31,7 +31,7 @@ from heli3dof.experiment.plan import Signals
 from heli3dof.model.control.loop_opening import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.interface import Identity, Rig, Sample
+from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
@@ -104,13 +104,23 @@ def fly(
             returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
-    with _granted(rig.identity) as granted:
+    with ExitStack() as undo:
+        if rig.identity.timebase == "virtual":
+            quiet_interpreter(undo)
+            granted = None
+        else:
+            granted = undo.enter_context(realtime())
         end, sample = flight.fly_plan()
         end, ramp = flight.ramp_down(end, sample, stop_without_ramp, awaits_fall)
         return flight.outcome(end, ramp, granted)
 
 
 class _Flight:
+    """One flight. Units: t in s, angles in rad; pairs of voltages (front, back) in V.
+
+    ``command``: the controller's voltages before the limiter, ``voltage``: after it.
+    """
+
     def __init__(
         self,
         rig: Rig,
@@ -258,9 +268,7 @@ class _Flight:
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
         """Run the controller for period ``k``; return the reference and three pairs of voltages.
 
-        The reference is in rad. The pairs (front, back), in V, are: the voltages that the plan
-        adds, the controller's output before the limiter, its output after the limiter.
-        ``angle``: measured angles in rad.
+        The pairs are the voltages that the plan adds, ``command``, and ``voltage``.
         """
         # Plain floats, converted row by row: those of an hour would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
@@ -271,9 +279,8 @@ class _Flight:
     def bridge(self, k: int, skipped: int, angle: Triple) -> None:
         """Run the controller for the ``skipped`` periods before ``k``, with interpolated angles.
 
-        ``angle`` (rad) was measured in period ``k``. Without this step the controller's filters
-        would attribute the motion of all these periods to one period. Of more than `BRIDGED`
-        skipped periods, only the last `BRIDGED` are run.
+        Without this step the controller's filters would attribute the motion of all these periods
+        to one period. Of more than `BRIDGED` skipped periods, only the last `BRIDGED` are run.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -284,10 +291,9 @@ class _Flight:
     def reason_to_end(
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
-        """Return why the flight ends in period ``k``, at time ``t`` (s), or None.
+        """Return why the flight ends in period ``k``, or None.
 
         The checks are, in this order: ``stop``, the device and the monitors, the envelope.
-        ``angle`` in rad; ``command`` and ``voltage`` in V, before and after the limiter.
         """
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
@@ -305,11 +311,7 @@ class _Flight:
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair,
         ramping_down: bool = False,
     ) -> str | None:  # fmt: skip
-        """Return the first report of a safety monitor on the period with index `Period.k`, or None.
-
-        ``t``: time in the flight (s); ``angle`` in rad; ``command``, ``voltage`` in V, before and
-        after the limiter; ``ramping_down``: True in the ramp to zero.
-        """
+        """Return the first report of a safety monitor on the period with index k, or None."""
         if not self.monitors:
             return None
         exchange = self.exchange
@@ -324,10 +326,7 @@ class _Flight:
         return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return a safety monitor's report on a period of the ramp to zero, or None.
-
-        ``voltage``: voltages (front, back) in V that were sent before the period's ``sample``.
-        """
+        """Return a monitor's report on ``sample`` in the ramp; ``voltage`` was sent before it."""
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)
@@ -365,18 +364,3 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
         ending: Ending = "device" if isinstance(ramp.error, DeviceError) else "error"
         return _End(ending, ramp.reason, ramp.error)
     return replace(end, detail=detail) if ramp.reason else end
-
-
-@contextmanager
-def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: request the real-time settings; yield which of them the system granted.
-
-    ``identity``: the identity of the device. If its timebase is virtual, this function sets only
-    garbage collection and the interpreter's thread switching, and yields None.
-    """
-    with ExitStack() as undo:
-        if identity.timebase == "virtual":
-            quiet_interpreter(undo)
-            yield None
-        else:
-            yield undo.enter_context(realtime())

@@ -94,7 +94,7 @@ class Outcome:
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
             "realtime": self.realtime.to_dict() if self.realtime else None,
             "link": self.link,
-            "latency": self.latency.to_dict() if self.latency else None,
+            "latency": asdict(self.latency) if self.latency else None,
         }
 
 

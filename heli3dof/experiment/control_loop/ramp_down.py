@@ -106,11 +106,7 @@ def ramp_start(last: Pair, motor: Motor) -> Pair:
 
 
 class _Schedule:
-    """Computes the voltages of a ramp to zero: V[i] = V_start (1 − i/n); zero after i = n.
-
-    V_start: voltages (V) at the ramp's start; i: control periods since the start; n: the ramp's
-    length in control periods.
-    """
+    """Computes the voltages of a ramp to zero, as the module's docstring defines them."""
 
     def __init__(self, start: Pair, steps: int) -> None:
         self.voltage = self._start = start
@@ -200,7 +196,13 @@ def ramp_to_zero(
         return RampDown(False, reason, error=problem)
     device_stop = exchange.explain(flags & STOPPED & ~known)
     if not _is_zero(sample, motor):
-        still_on = _still_on(sample)
+        front, back = sample.v_applied
+        still_on = Trip(
+            f"after the ramp to zero the device still reported an output of {front:.2f} and "
+            f"{back:.2f} V, so it was stopped",
+            "the amplifier ignores the commands, or its samples are old.",
+            "press the amplifier's button if a rotor still turns; then heli3dof doctor",
+        )
         exchange.stop(still_on)
         return RampDown(False, Trip.first(device_stop, tripped, still_on) or "", stopped=True)
     if device_stop is not None:
@@ -212,16 +214,6 @@ def _is_zero(sample: Sample, motor: Motor) -> bool:
     """Return False if the device reports an output above `ZERO` · V_h; True if it reports none."""
     volts = motor_voltage(sample, (0.0, 0.0))
     return max(map(abs, volts)) <= ZERO * motor.hover_V
-
-
-def _still_on(sample: Sample) -> Trip:
-    front, back = sample.v_applied
-    return Trip(
-        f"after the ramp to zero the device still reported an output of {front:.2f} and {back:.2f} "
-        "V, so it was stopped",
-        "the amplifier ignores the commands, or its samples are old.",
-        "press the amplifier's button if a rotor still turns; then heli3dof doctor",
-    )
 
 
 class GuardedRecorder:

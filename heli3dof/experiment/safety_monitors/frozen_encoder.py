@@ -239,8 +239,8 @@ class _Axis:
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
         """Update roll by a sample, taken while the arm is near its rest angle on the table.
 
-        ``h``: s since the last sample; ``angle``: the encoder's angle in rad. ``lift`` (rad/s²):
-        acceleration by the thrust in excess of the thrust that lifts every known rig.
+        ``lift`` (rad/s²): acceleration by the thrust in excess of the thrust that lifts every known
+        rig. Other arguments as in `step`.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -288,11 +288,7 @@ class _Axis:
             self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update the mean b and, from motion in both directions, the friction F (see the module).
-
-        ``h``: time step (s); ``rate``: ω (rad/s); ``unmodelled``: unmodelled acceleration (rad/s²),
-        whose mean is b.
-        """
+        """Update b, the mean of ``unmodelled`` (rad/s²), and F; ``rate``: ω (rad/s)."""
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
         self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))

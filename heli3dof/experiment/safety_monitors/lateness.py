@@ -63,7 +63,8 @@ class Lateness(SafetyMonitor):
             f"the loop was too late: {self._late} of the last {len(self._ring)} periods came "
             f"more than {1e3 * self._late_s:g} ms after their time or not at all"
         )
-        quickest_s = self._quickest_echo_s()
+        echoes = sorted(self._echo_s[: min(self._echoes, len(self._echo_s))])
+        quickest_s = echoes[int(QUICKEST * len(echoes))] if echoes else 0.0
         if quickest_s > SLOW_PERIODS * self._dt:
             return Trip(
                 f"{what}; every command took {1e3 * quickest_s:.1f} ms or more "
@@ -78,7 +79,3 @@ class Lateness(SafetyMonitor):
             "another program takes the processor, and the system does not let this one go first.",
             "heli3dof doctor: see scheduling",
         )
-
-    def _quickest_echo_s(self) -> float:
-        kept = sorted(self._echo_s[: min(self._echoes, len(self._echo_s))])
-        return kept[int(QUICKEST * len(kept))] if kept else 0.0

@@ -40,11 +40,7 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Safety monitor that trips if the pitch or yaw count is constant for too long in the ramp.
-
-    In closed loop, it records the longest time for which each count is constant. It trips if a
-    count is constant for much longer in the ramp to zero.
-    """
+    """Safety monitor that trips if the pitch or yaw count is constant for too long in the ramp."""
 
     order = 60
 

@@ -20,6 +20,8 @@ angles are wrong. A wrong sign or wrong leads also show in the motion before.
 
 One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
 have positive voltages, the roll encoder counts the wrong way.
+
+Arguments: ``t`` (n,) in s, ``angle`` (n, 3) in rad and ``applied`` (n, 2) in V, as measured.
 """
 
 from __future__ import annotations
@@ -80,15 +82,6 @@ class Fault(NamedTuple):
     """Rows: effective voltage of the front, the back motor; columns: front, back voltage applied"""
 
 
-def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the matrix from applied to effective voltages (`Fault.mix`) with a faulty motor.
-
-    ``motor``: 0 front, 1 back; ``gain``: factor of its thrust, 0 for none, −1 for the wrong
-    direction.
-    """
-    return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
-
-
 NORMAL = Fault("", "")
 _SIGN = "change the sign of encoder.{axis} in the profile, then turn it by hand: heli3dof monitor"
 FAULTS = (
@@ -106,7 +99,11 @@ FAULTS = (
         mix=((0, 1), (1, 0)),
     ),
     *(
-        Fault(f"the {motor} motor {what}", fix.format(motor=motor), mix=_mix(i, gain))
+        Fault(
+            f"the {motor} motor {what}",
+            fix.format(motor=motor),
+            mix=((gain, 0), (0, 1)) if i == 0 else ((1, 0), (0, gain)),
+        )
         for what, fix, gain in (
             (
                 "does not pull",
@@ -175,8 +172,7 @@ def _windows(
 ) -> dict[int, slice]:
     """Return the rows to fit for each axis (0 roll, 1 pitch, 2 yaw) that moved: axis → slice.
 
-    They are the rows of the last ``window_s`` seconds in which the axis was free to move. ``t``:
-    times (n,) in s; ``angle``: (n, 3) in rad.
+    They are the rows of the last ``window_s`` seconds in which the axis was free to move.
     """
     end = len(t)
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
@@ -207,10 +203,7 @@ def _accelerations(
     profile: Profile,
     expected: ExpectedAcceleration,
 ) -> np.ndarray:
-    """Return the accelerations α_H (n, 3) in rad/s² that the encoders would show with ``fault``.
-
-    ``angle``: encoder angles (n, 3) in rad; ``applied``: voltages (n, 2) in V.
-    """
+    """Return the accelerations α_H (n, 3) in rad/s² that the encoders would show with ``fault``."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
     volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
@@ -228,8 +221,7 @@ def _score(
 ) -> float:
     """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
 
-    ``windows``: axis → rows to fit; ``unmodelled``: standard deviation B (3,) of the unmodelled
-    acceleration in rad/s². ``t``: times (n,) in s; ``angle``: (n, 3) in rad.
+    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s².
     """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
@@ -243,9 +235,7 @@ def _score(
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
     """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to one axis; return mean squared residual (rad²) and b.
 
-    ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): expected
-    acceleration α in rad/s². Fitted: angle θ₀ and rate ω₀ at the start, unmodelled acceleration b
-    (rad/s²), factor s of α. ``weight``: q/B in s², with q rad per count and the prior b ~ N(0, B²).
+    ``theta`` (n,) in rad, ``alpha`` (n,) in rad/s²; ``weight``: q/B in s².
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

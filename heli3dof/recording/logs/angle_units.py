@@ -73,8 +73,7 @@ def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profil
             name = f"{axis}_{unit}"
             if name not in columns:
                 continue
-            counts = abs(int(getattr(profile.encoder, axis)))
-            warnings += _check_angle(source, name, axis, unit, columns, counts, profile)
+            warnings += _check_angle(source, name, columns, profile)
             for ref_unit in ("deg", "rad"):
                 ref = f"{axis}_ref_{ref_unit}"
                 if ref in columns:
@@ -84,15 +83,10 @@ def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profil
 
 
 def _check_angle(
-    source: str,
-    name: str,
-    axis: str,
-    unit: str,
-    columns: Mapping[str, np.ndarray],
-    counts: int,
-    profile: Profile,
+    source: str, name: str, columns: Mapping[str, np.ndarray], profile: Profile
 ) -> list[str]:
     values = columns[name]
+    axis, unit, counts = _of_column(name, profile)
     if np.ptp(values) == 0:
         return [f"{name} never changes: the axis is clamped, or its encoder is not connected."]
     found = newton(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
@@ -107,12 +101,16 @@ def _check_angle(
             )
         )
     if not on_grid(values, TURN[unit] / counts):
-        _refuse(source, name, axis, unit, values, counts, ratio, profile)
+        _refuse(source, name, values, ratio, profile)
     seen = counts_seen(values, unit, counts)
     if seen == counts:
         return warnings
     if seen is not None:
-        return [*warnings, _other_encoder(name, seen, counts)]
+        return [
+            *warnings,
+            f"{name} lies on a grid of {seen:.6g} counts per revolution, but the profile has "
+            f"{counts}: check [encoder] and the angle's scale.",
+        ]
     warnings.append(
         f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°. Likely cause: "
         "filtering, resampling, printing with few digits, or a simulation without encoder."
@@ -125,26 +123,25 @@ def _check_angle(
     return warnings
 
 
+def _of_column(name: str, profile: Profile) -> tuple[str, str, int]:
+    """Return axis, unit and the encoder's counts per revolution of an angle's column."""
+    axis, _, unit = name.partition("_")
+    return axis, unit, abs(int(getattr(profile.encoder, axis)))
+
+
 def _refuse(
-    source: str,
-    name: str,
-    axis: str,
-    unit: str,
-    values: np.ndarray,
-    counts: int,
-    ratio: float | None,
-    profile: Profile,
+    source: str, name: str, values: np.ndarray, ratio: float | None, profile: Profile
 ) -> None:
     """Raise RecordingError if angles off the encoder's grid are in another unit than stated.
 
-    ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``values``: the
-    angles (N,); ``counts``: the encoder's counts per revolution; ``ratio``: measured motion divided
-    by the motion that the voltages explain (`newton`), or None.
+    ``source``: the log; ``name``: the angle's column; ``values``: the angles (N,); ``ratio``:
+    measured motion divided by the motion that the voltages explain (`newton`), or None.
     """
+    axis, unit, counts = _of_column(name, profile)
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
         raise wrong_unit(
-            source, name, unit,
+            source, name,
             f"its values lie on the encoder's grid in {FULL_NAME[other]} "
             f"({TURN[other] / counts:.6f} per count), not in {FULL_NAME[unit]}",
         )  # fmt: skip
@@ -165,17 +162,17 @@ def _refuse(
             fix="convert the values to degrees, or correct the header line",
         )
     if too_large:
-        raise wrong_unit(source, name, unit, f"it reaches {largest:.6g}")
+        raise wrong_unit(source, name, f"it reaches {largest:.6g}")
     if unit == "rad" and largest > np.radians(profile.limits.yaw_max_deg):
         raise wrong_unit(
-            source, name, unit,
+            source, name,
             f"it reaches {largest:.6g} rad, and limits.yaw_max_deg is "
             f"{profile.limits.yaw_max_deg:g}°",
         )  # fmt: skip
     too_near = unit == "deg" and ratio is not None and ratio < 1 / NEWTON_FACTOR
     if (too_near and largest < np.pi) or (unit == "rad" and too_far):
         raise wrong_unit(
-            source, name, unit,
+            source, name,
             f"the motion is {ratio:.2g} times what the voltages explain",
         )  # fmt: skip
 
@@ -192,13 +189,6 @@ def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
         divisor = int(np.gcd.reduce(seen))
         return counts if len(seen) < 10 or divisor < 2 else counts / divisor
     return next((n for n in COMMON_COUNTS if on_grid(values, TURN[unit] / n, levels=10)), None)
-
-
-def _other_encoder(name: str, seen: float, expected: int) -> str:
-    return (
-        f"{name} lies on a grid of {seen:.6g} counts per revolution, but the profile has "
-        f"{expected}: check [encoder] and the angle's scale."
-    )
 
 
 def _check_reference(
@@ -262,12 +252,12 @@ def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
     return sums
 
 
-def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
+def wrong_unit(source: str, name: str, evidence: str) -> RecordingError:
     """Return the error for an angle whose name states a wrong unit.
 
-    ``source``: the log; ``name``: the column; ``unit``: its stated unit; ``evidence``: text that
-    shows the error.
+    ``source``: the log; ``name``: the column; ``evidence``: text that shows the error.
     """
+    unit = name.rpartition("_")[2]
     true_name = name.removesuffix(unit) + OTHER[unit]
     return RecordingError(
         f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",

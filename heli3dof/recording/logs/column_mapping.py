@@ -241,10 +241,7 @@ class _Mapping:
 
 
 def _unknown(tree: ast.expr) -> list[str]:
-    """Return the names in an expression that are neither a placeholder, a function nor ``pi``.
-
-    ``tree``: the expression as `_Mapping._parsed` returns it, with placeholders for known columns.
-    """
+    """Return the names in a parsed expression that are no placeholder, function or ``pi``."""
     found: list[str] = []
     functions = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     indexed = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Subscript | ast.Attribute)}

@@ -107,12 +107,13 @@ def check_names(table: Table, rate_hz: float) -> None:
     names = list(table.columns)
     missing = [required for required in REQUIRED if required not in names]
     if missing:
+        expression = f"sample/{rate_hz:g}" if missing[0] == "t_s" else "EXPRESSION"
         near = nearest(missing[0], [n for n in names if n not in KNOWN])
         raise RecordingError(
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
             cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
-            fix=_map_options(table, f"{missing[0]}={_expression(missing[0], rate_hz)}"),
+            fix=_map_options(table, f"{missing[0]}={expression}"),
         )
     for form in ANGLES.values():
         for axis in AXES:
@@ -123,15 +124,6 @@ def check_names(table: Table, rate_hz: float) -> None:
                     cause="the logging program wrote the same angle twice.",
                     fix=f"remove one of the two columns, or rename one (raw_{both[1]})",
                 )
-
-
-def _expression(column: str, rate_hz: float) -> str:
-    """Return an example of an expression that computes a required ``column``.
-
-    >>> _expression("t_s", 200.0)
-    'sample/200'
-    """
-    return f"sample/{rate_hz:g}" if column == "t_s" else "EXPRESSION"
 
 
 def _map_options(table: Table, example: str) -> str:

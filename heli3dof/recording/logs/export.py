@@ -18,10 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.errors import UsageError, quoted
-from heli3dof.recording.atomic_write import check_output, write_file
+from heli3dof.recording.atomic_write import check_outputs, write_file
 from heli3dof.recording.columns import export_columns
 from heli3dof.recording.mcap_files.mcap_writer import to_json
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.viewers.foxglove_file import foxglove_bytes
+from heli3dof.recording.viewers.rerun_file import rrd_bytes
 
 Columns = dict[str, np.ndarray]
 
@@ -34,7 +36,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     """
     path = Path(path)
     check_format(path)
-    check_output(path, force=force)
+    check_outputs(path, force=force)
     write = next(w for ending, w in FORMATS.items() if path.name.lower().endswith(ending))
     return write_file(path, write(recording, export_columns(recording)), force=force)
 
@@ -95,25 +97,13 @@ def _parquet(recording: Recording, columns: Columns) -> bytes:
     return data
 
 
-def _mcap(recording: Recording, columns: Columns) -> bytes:
-    from heli3dof.recording.viewers.foxglove_file import foxglove_bytes
-
-    return foxglove_bytes(recording)
-
-
-def _rrd(recording: Recording, columns: Columns) -> bytes:
-    from heli3dof.recording.viewers.rerun_file import rrd_bytes
-
-    return rrd_bytes(recording, columns)
-
-
 FORMATS: dict[str, Callable[[Recording, Columns], bytes]] = {
     ".csv": lambda recording, columns: write_csv(columns),
     ".csv.gz": lambda recording, columns: gzip.compress(write_csv(columns), mtime=0),
     ".mat": _mat,
     ".parquet": _parquet,
-    ".mcap": _mcap,
-    ".rrd": _rrd,
+    ".mcap": lambda recording, columns: foxglove_bytes(recording),
+    ".rrd": rrd_bytes,
     ".xml": lambda recording, columns: layout("plotjuggler_layout.xml"),
 }
 """Ending → function that returns the file's bytes"""

@@ -66,7 +66,15 @@ def join(tables: Sequence[Table]) -> Table:
     for table in tables:
         n = _length(table)
         if "t_s" not in table.columns and n != _length(first):
-            raise _other_length(table, first)
+            named = (
+                f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples"
+                for t in (first, table)
+            )
+            raise RecordingError(
+                f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
+                cause="they were logged at different rates, or are of different flights.",
+                fix="log all of them at the control rate, each with its time",
+            )
         keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
         if len(keep) < n and "t_s" in table.columns:
             warnings.append(
@@ -111,7 +119,14 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
     period = float(np.median(np.diff(t)))
     partners = []
     for table, other in zip(tables, times, strict=True):
-        _check_rate(tables[0], period, table)
+        own = float(np.median(np.diff(other)))
+        if abs(own / period - 1) > SAME_RATE:
+            raise RecordingError(
+                f"{tables[0].source} and {table.source} are sampled at different rates: every "
+                f"{period:.6g} and every {own:.6g} (time in s).",
+                cause="a decimated log, or a clock in milliseconds.",
+                fix="log all signals at the control rate, with time in seconds",
+            )
         k = np.clip(np.searchsorted(other, t), 1, len(other) - 1)
         k = k - (t - other[k - 1] < other[k] - t)
         partners.append(np.where(np.abs(other[k] - t) < SAME_INSTANT * period, k, -1))
@@ -133,26 +148,6 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
             fix="let one model log all signals at the control rate; heli3dof does not resample",
         )
     return {id(table): k[keep] for table, k in zip(tables, partners, strict=True)}
-
-
-def _check_rate(first: Table, period: float, other: Table) -> None:
-    own = float(np.median(np.diff(other.columns["t_s"])))
-    if abs(own / period - 1) > SAME_RATE:
-        raise RecordingError(
-            f"{first.source} and {other.source} are sampled at different rates: every {period:.6g} "
-            f"and every {own:.6g} (time in s).",
-            cause="a decimated log, or a clock in milliseconds.",
-            fix="log all signals at the control rate, with time in seconds",
-        )
-
-
-def _other_length(table: Table, first: Table) -> RecordingError:
-    named = [f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples" for t in (first, table)]
-    return RecordingError(
-        f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
-        cause="they were logged at different rates, or are of different flights.",
-        fix="log all of them at the control rate, each with its time",
-    )
 
 
 def _length(table: Table) -> int:

@@ -99,9 +99,6 @@ def _key(name: str) -> tuple[str, str | None]:
 
 
 def _stems(target: str) -> set[str]:
-    """Return the names that column ``target`` may have in a log.
-
-    An angle has two names, for degrees and for radians; any other column has one.
-    """
+    """Return the names that a column may have in a log: for an angle one of each unit."""
     head, _, unit = target.rpartition("_")
     return {f"{head}_deg", f"{head}_rad"} if unit in ("deg", "rad") else {target}

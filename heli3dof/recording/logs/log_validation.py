@@ -1,13 +1,14 @@
 """Check a log's values, times and voltages.
 
 A fault that would make every result wrong raises an error. Other faults are returned as warnings,
-which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`` prints.
+which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`` prints. Arguments:
+``source`` is the log's name; ``where`` returns a sample's position in the file as text.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,10 +27,7 @@ Where = Callable[[int], str]
 
 
 def check_finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite.
-
-    ``source``: the log's name; ``where``: returns a sample's position in the file as text.
-    """
+    """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite."""
     bad = ~np.isfinite(values)
     if not bad.any():
         return
@@ -58,9 +56,6 @@ class Timing:
     longest_gap_s: float
     lost_share: float
     """Samples missing in the gaps, as a share of all expected samples"""
-
-    def to_dict(self) -> dict[str, float]:
-        return asdict(self)
 
 
 def timing(t: np.ndarray) -> Timing:
@@ -91,10 +86,7 @@ def check_length(source: str, n: int) -> None:
 
 
 def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if the time t (N,) s does not increase at every sample.
-
-    ``source``: the log's name; ``where``: returns a sample's position in the file as text.
-    """
+    """Raise RecordingError if the time t (N,) s does not increase at every sample."""
     dt = np.diff(t)
     wrong = ~(dt > 0)
     if wrong.any():
@@ -123,7 +115,7 @@ def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Whe
     """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
-    control period. ``where``: returns a sample's position in the file as text.
+    control period.
     """
     check_time_increases(source, t, where)
     found = timing(t)
@@ -180,11 +172,9 @@ def hidden_jitter_warnings(
 
 
 def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
-    """Check voltages against the limit ``v_max`` (V); return warnings.
+    """Check the motors' voltages (N,) in V against the limit ``v_max`` (V); return warnings.
 
     Raises RecordingError for voltages above 20 times the limit.
-
-    ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name.
     """
     warnings, beyond = list[str](), list[str]()
     for name, v in (("v_front_V", front), ("v_back_V", back)):

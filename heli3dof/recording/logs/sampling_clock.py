@@ -176,10 +176,7 @@ def _slope(number: np.ndarray, t: np.ndarray) -> float:
 
 
 def _scatter(number: np.ndarray, t: np.ndarray) -> tuple[float, int]:
-    """Return the jitter's standard deviation (s) and this estimate's degrees of freedom.
-
-    ``number``: the samples' numbers (N,); ``t``: time stamps (N,) in s.
-    """
+    """Return the jitter's standard deviation (s) and this estimate's degrees of freedom."""
     size = min(STRETCH, len(t))
     whole = len(t) // size * size
     n, x = number[:whole].reshape(-1, size), t[:whole].reshape(-1, size)

@@ -102,7 +102,6 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
     Each parabola is fitted to 2 ``half`` + 1 samples; its residual and slope are those at the
     middle sample. Both results have the shape (N − 2 ``half``,). The module's docstring defines e.
-    ``t`` (N,) s: times; ``y`` (N,) rad: the angle.
     """
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view
@@ -123,19 +122,12 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return the error variance (N,) rad² of an angle: quantisation, and a jitter of `SCALE_S`.
-
-    ``rate`` (N,): in rad/s; ``step``: the encoder's step in rad.
-    """
+    """Return s² (N,) in rad² for an angle's ``rate`` ẏ (rad/s) and the encoder's ``step`` (rad)."""
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
-    """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ².
-
-    ``e``: residuals of `_residual` in rad; ``rate``: ẏ in rad/s; ``blocks``: number of each
-    sample's block for `_jackknife`.
-    """
+    """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ²."""
     there = np.isfinite(e)
     if there.sum() < 100:
         return NONE_FOUND

@@ -60,7 +60,6 @@ def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, 
     """Return the index entry of the record at byte ``at``, and the byte at which to continue.
 
     The entry is None if the record is not a chunk. The message indexes after a chunk are skipped.
-    ``rows``: the byte format of the chunks' rows.
     """
     stream.seek(at)
     head = stream.read(HEAD.size)

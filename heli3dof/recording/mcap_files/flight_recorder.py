@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError, quoted
-from heli3dof.recording.atomic_write import check_output, mode
+from heli3dof.recording.atomic_write import check_outputs, mode
 from heli3dof.recording.mcap_files.chunk import rows_of_chunk
 from heli3dof.recording.mcap_files.fsync import Syncer
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, McapFile
@@ -63,10 +63,11 @@ class RecordingWriter:
         """
         self.path = Path(path)
         self.start_ns = time.time_ns()
-        check_output(self.path, force=force)
-        self._rows: deque[bytes] = deque()
+        check_outputs(self.path, force=force)
+        self._queue: deque[bytes] = deque()
         self._pack = RowPacker()
-        self._count = 0
+        self.rows = 0
+        """Number of appended rows"""
         self._outcome: dict[str, Any] = {}
         self._failure: BaseException | None = None
         self._closed = False
@@ -101,16 +102,11 @@ class RecordingWriter:
         """
         if self._failure is not None:
             self._raise_failure()
-        if len(self._rows) >= MAX_WAITING_ROWS:
+        if len(self._queue) >= MAX_WAITING_ROWS:
             self._raise_behind()
         log_time = self.start_ns + int(row.t * 1e9)
-        self._rows.append(self._pack(self._count, log_time, *message_values(row)))
-        self._count += 1
-
-    @property
-    def rows(self) -> int:
-        """Return the number of appended rows."""
-        return self._count
+        self._queue.append(self._pack(self.rows, log_time, *message_values(row)))
+        self.rows += 1
 
     def outcome(self, outcome: str, **details: Any) -> None:
         """Set how the flight ended: ``completed``, ``tripped``, ``interrupted``, ``device`` …
@@ -166,8 +162,8 @@ class RecordingWriter:
             self._failure = error
 
     def _drain(self) -> None:
-        stride, buffer, next_row = self._format.stride, self._buffer, self._rows.popleft
-        n = left = len(self._rows)  # rows appended from now on wait for the next chunk
+        stride, buffer, next_row = self._format.stride, self._buffer, self._queue.popleft
+        n = left = len(self._queue)  # rows appended from now on wait for the next chunk
         while left:
             size = min(left * stride, len(buffer))
             for at in range(0, size, stride):
@@ -182,7 +178,7 @@ class RecordingWriter:
     def _finish(self) -> None:
         outcome = {"outcome": "unknown", **self._outcome, "rows": self._file.row_count}
         if self._failure is not None:
-            outcome["rows_lost"] = self._count - self._file.row_count
+            outcome["rows_lost"] = self.rows - self._file.row_count
         keep = self._file.good
         try:
             if self._failure is not None:
@@ -201,7 +197,7 @@ class RecordingWriter:
 
     def _raise_behind(self) -> None:
         raise RecordingError(
-            f"The disk of {self.path} is too slow: {len(self._rows)} samples wait to be written.",
+            f"The disk of {self.path} is too slow: {len(self._queue)} samples wait to be written.",
             cause="it is slow, asleep or busy (a network drive, a full SD card, a backup).",
             fix="record to a local disk with -o, and copy the file afterwards",
         )
@@ -211,14 +207,14 @@ class RecordingWriter:
         kept = self._file.row_count
         if isinstance(error, OSError) and error.errno in FULL:
             raise NoSpace(
-                f"There is no space left for {self.path}: the first {kept} of {self._count} "
+                f"There is no space left for {self.path}: the first {kept} of {self.rows} "
                 "samples are kept, the others are lost.",
                 cause="the disk or the quota is full.",
                 fix=f"df -h {quoted(self.path.parent)}; free some space, then heli3dof info "
                 f"{quoted(self.path)} (and heli3dof recover {quoted(self.path)} if it is torn)",
             ) from error
         raise RecordingError(
-            f"The recorder of {self.path} failed after {kept} of {self._count} samples: {error}",
+            f"The recorder of {self.path} failed after {kept} of {self.rows} samples: {error}",
             cause="the disk was unplugged or has a fault.",
             fix=f"heli3dof recover {quoted(self.path)}",
         ) from error

@@ -148,7 +148,7 @@ def scan(data: bytes) -> Scan:
     """Return the records in an MCAP file's bytes, which must start with MCAP's magic bytes."""
     records, good = records_in(data, len(MAGIC))
     gaps: list[tuple[int, int]] = []
-    while not (whole := _ends_at(data, records, good)):
+    while not (whole := bool(records) and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC):
         # The last record may have a wrong length, so the search starts inside it.
         found = _next_intact(data, records[-1][1] if records else good)
         if found is None:
@@ -162,11 +162,6 @@ def scan(data: bytes) -> Scan:
     # The summary repeats schemas and channels without a checksum, so it is ignored.
     kept = records if end is None else records[: end + 1]
     return Scan(data, kept, whole and (end is not None or bool(gaps)), good, gaps)
-
-
-def _ends_at(data: bytes, records: list[tuple[int, int, int]], at: int) -> bool:
-    """Return whether the records end at byte ``at`` with a footer and MCAP's magic bytes."""
-    return bool(records) and records[-1][0] == Opcode.FOOTER and data[at:] == MAGIC
 
 
 def _next_intact(data: bytes, at: int) -> int | None:
@@ -209,8 +204,7 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 def channel_names(found: Scan) -> list[str]:
     """Return the names of a recording's further columns, such as unknown columns of a log.
 
-    heli3dof's own messages have no fields for them. ``found``: the file's records. Raises Damaged
-    if the names are unreadable.
+    heli3dof's own messages have no fields for them. Raises Damaged if the names are unreadable.
     """
     for channel in found.channels.values():
         if channel.topic == CHANNELS_TOPIC:

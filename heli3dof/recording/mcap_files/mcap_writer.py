@@ -186,8 +186,7 @@ def write_rows(
 ) -> None:
     """Write a complete file: metadata, rows, then the metadata record `OUTCOME`.
 
-    ``metadata``: all records by name, also `OUTCOME` (how the flight ended); ``form``: the rows'
-    format; ``names``: see `McapFile`.
+    ``metadata``: all records by name, also `OUTCOME` (how the flight ended); others: `McapFile`.
     """
     file = McapFile(stream, form, names)
     file.start({name: data for name, data in metadata.items() if name != OUTCOME})
@@ -200,10 +199,8 @@ def write_rows(
 
 def to_json(value: Any) -> str:
     """Return ``value`` as JSON text: numpy arrays as lists, objects without a JSON type as text."""
-    return json.dumps(value, default=_plain, ensure_ascii=False)
 
+    def plain(x: Any) -> Any:
+        return x.tolist() if isinstance(x, np.generic | np.ndarray) else str(x)
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    return str(value)
+    return json.dumps(value, default=plain, ensure_ascii=False)

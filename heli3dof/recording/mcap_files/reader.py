@@ -96,10 +96,7 @@ def open_mcap(path: Path) -> Scan:
 
 
 def broken(path: Path, found: Scan) -> RecordingError | None:
-    """Return the error for an MCAP file with missing or unreadable bytes; None for any other file.
-
-    ``found``: the file's records.
-    """
+    """Return the error for an MCAP file with missing or unreadable bytes; None for any other."""
     if found.gaps:
         lost = f"{found.bytes_lost} bytes are unreadable, the first at {found.gaps[0][0]}"
         return damaged(path, Damaged(lost), " in the middle")
@@ -178,12 +175,16 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 
 
 def recording_of(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
-    """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote.
-
-    ``found``, ``path``: the file's records and path; ``profile``: the rig's profile.
-    """
+    """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote."""
     absent = found.metadata[COLUMNS].get("absent", ()) if COLUMNS in found.metadata else None
-    return decode(rows, profile, meta_in(found, path), absent, channel_names(found))
+    meta: dict[str, Any] = {"name": path.stem, **found.metadata.get(PROVENANCE, {})}
+    details = dict(found.metadata.get(OUTCOME, {}))
+    details.pop("rows", None)
+    if "outcome" in details:
+        meta["outcome"] = details.pop("outcome")
+    if details:
+        meta["outcome_details"] = present_names(details)
+    return decode(rows, profile, meta, absent, channel_names(found))
 
 
 def decode(
@@ -224,18 +225,6 @@ def decode(
     for number, name in enumerate(names, 1):
         channels[name] = np.array(rows["Channels"][f"column{number}"])
     return Recording(t=column["t_s"], profile=profile, channels=channels, meta=dict(meta), **arrays)
-
-
-def meta_in(found: Scan, path: Path) -> dict[str, Any]:
-    """Return ``Recording.meta`` from a file's records: the file's name, provenance and outcome."""
-    meta: dict[str, Any] = {"name": path.stem, **found.metadata.get(PROVENANCE, {})}
-    details = dict(found.metadata.get(OUTCOME, {}))
-    details.pop("rows", None)
-    if "outcome" in details:
-        meta["outcome"] = details.pop("outcome")
-    if details:
-        meta["outcome_details"] = present_names(details)
-    return meta
 
 
 def profile_in(found: Scan, path: Path) -> Profile:

@@ -83,7 +83,8 @@ class Layout:
         """Return numpy's structured type of a message's payload: protobuf tags and values."""
         fields: list[tuple[str, str]] = []
         for number, column in enumerate(self.columns, 1):
-            fields += [(f"tag{number}", tag_type(number)), (column.name, KINDS[column.kind][2])]
+            tag = "u1" if number < 16 else "<u2"
+            fields += [(f"tag{number}", tag), (column.name, KINDS[column.kind][2])]
         return np.dtype(fields)
 
     @cached_property
@@ -239,11 +240,6 @@ class RowPacker:
         row[self._sample] = sample
         row[self._command] = command
         return self._pack(*row)
-
-
-def tag_type(number: int) -> str:
-    """Return numpy's type of a protobuf tag: one byte for field numbers below 16, else two."""
-    return "u1" if number < 16 else "<u2"
 
 
 def tag_value(number: int, kind: str) -> int:

@@ -56,7 +56,8 @@ def foxglove_bytes(recording: Recording) -> bytes:
         about = {"columns": json.dumps(names)} if layout.name == "Channels" else {}
         channel = writer.register_channel(layout.topic, "protobuf", schema, about)
         payload = rows[layout.name][list(layout.payload.names or ())].astype(layout.payload)
-        streams.append((channel, list(zip(times, map(bytes, _records(payload)), strict=True))))
+        records = payload.view(np.uint8).reshape(len(payload), -1)
+        streams.append((channel, list(zip(times, map(bytes, records), strict=True))))
     for topic in dict.fromkeys(at for at, _, _ in extra):
         own = [(time, message) for at, time, message in extra if at == topic]
         example = _json(json_schema(own[0][1]))
@@ -71,16 +72,8 @@ def foxglove_bytes(recording: Recording) -> bytes:
     return out.getvalue()
 
 
-def _records(payload: np.ndarray) -> np.ndarray:
-    """Return the n messages of a structured array (n,) as an array (n, length) of bytes."""
-    return payload.view(np.uint8).reshape(len(payload), -1)
-
-
 def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int, Message]]:
-    """Yield topic, log time (ns) and content of each message on the three topics `TOPICS`.
-
-    ``times``: log times (n,) of the recording's rows in ns.
-    """
+    """Yield topic, log time and content of each message; ``times``: the rows' log times (ns)."""
     scene, transforms, log = TOPICS
     first, last = times[0], times[-1]
     entities = [entity(part, first) for part in parts(recording.profile)]
@@ -89,11 +82,11 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
     for row, arm, body in zip(
         found.rows.tolist(), found.arm.tolist(), found.body.tolist(), strict=True
     ):
-        pair = (
+        pair = [
             _transform(times[row], BASE, ARM, found.arm_origin, arm),
             _transform(times[row], ARM, BODY, found.body_origin, body),
-        )
-        yield transforms, times[row], {"transforms": list(pair)}
+        ]
+        yield transforms, times[row], {"transforms": pair}
     meta = recording.meta
     about = f"{meta.get('source', 'recording')} {recording.name}, rig {recording.profile.name}"
     yield log, first, _log(first, INFO, about)
@@ -107,10 +100,7 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
 
 
 def entity(part: Part, time: int) -> Message:
-    """Return a part of the rig as a foxglove.SceneEntity that moves with the part's frame.
-
-    ``time``: its time stamp in ns.
-    """
+    """Return a part of the rig as a foxglove.SceneEntity with the time stamp ``time`` (ns)."""
     red, green, blue = part.colour
     primitive = {
         "pose": {"position": _vector(part.centre), "orientation": NO_ROTATION},

@@ -78,26 +78,15 @@ def poses(recording: Recording) -> Poses:
     slot = np.floor((recording.t[complete] - recording.t[0]) * FRAMES_PER_S + 1e-6)
     rows = complete[np.unique(slot, return_index=True)[1]]
     profile = recording.profile
+    (c_r, c_p, c_y), (s_r, s_p, s_y) = np.cos(angle[rows].T / 2), np.sin(angle[rows].T / 2)
+    zero = np.zeros_like(c_p)
     return Poses(
         rows,
-        arm_rotation(angle[rows, 0], angle[rows, 2]),
-        body_rotation(angle[rows, 1]),
+        np.column_stack([s_y * s_r, -c_y * s_r, s_y * c_r, c_y * c_r]),  # R_z(ψ) R_y(−r)
+        np.column_stack([s_p, zero, zero, c_p]),  # R_x(p)
         (0.0, 0.0, pivot_height(profile)),
         (profile.geometry.L_a, 0.0, 0.0),
     )
-
-
-def arm_rotation(roll: FloatArray, yaw: FloatArray) -> FloatArray:
-    """Return the arm's rotations R_z(yaw) R_y(−roll) as quaternions (n, 4); angles (n,) in rad."""
-    c_r, s_r = np.cos(roll / 2), np.sin(roll / 2)
-    c_y, s_y = np.cos(yaw / 2), np.sin(yaw / 2)
-    return np.column_stack([s_y * s_r, -c_y * s_r, s_y * c_r, c_y * c_r])
-
-
-def body_rotation(pitch: FloatArray) -> FloatArray:
-    """Return the body's rotations R_x(pitch) as quaternions (n, 4); ``pitch`` (n,) in rad."""
-    zero = np.zeros_like(pitch)
-    return np.column_stack([np.sin(pitch / 2), zero, zero, np.cos(pitch / 2)])
 
 
 def pivot_height(profile: Profile) -> float:

@@ -13,8 +13,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.validation.gain import HORIZON_S
 from heli3dof.errors import UsageError
-from heli3dof.report.figures.labelled_curves import headline
-from heli3dof.report.figures.style import EXTENDED, GRID, INK, RC, SOFT, plain
+from heli3dof.report.figures.style import EXTENDED, GRID, INK, SOFT, new_figure, plain
 from heli3dof.report.figures.torque_curve import TorqueCurve
 from heli3dof.report.text.diagnosis_sentences import number, variable
 
@@ -31,9 +30,6 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
 
     Raises UsageError if the recordings could not be fitted.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
-
     f = found.fitted
     if f is None:
         raise UsageError(
@@ -46,9 +42,9 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
         "extended model": (f.gain.after, EXTENDED.color),
         "noise floor": (f.noise_floor, SOFT),
     }
-    with matplotlib.rc_context(RC):
-        height = 3.6
-        figure = Figure(figsize=(6.4, height))
+    height = 3.6
+    title = f"Errors of {HORIZON_S:g} s predictions: {found.verdict}"
+    with new_figure(6.4, height, title) as figure:
         axes = figure.add_axes((0.125, 0.35 / height, 0.845, (height - 0.35 - 0.5) / height))
         for n, (label, (error, color)) in enumerate(bars.items()):
             x = [i + 0.27 * (n - 1) for i in range(len(AXES))]
@@ -57,18 +53,13 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
         axes.set_xticks(range(len(AXES)), AXES)
         axes.set_ylabel("RMSE (°)")
         axes.legend(loc="best", fontsize=8.5)
-        headline(figure, f"Errors of {HORIZON_S:g} s predictions: {found.verdict}", height)
     return figure
 
 
 def evidence_figure(e: TorqueCurve) -> Figure:
     """Draw the residual torque ``e`` over its variable, and the fitted torque of the cause."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(RC):
-        height = 3.6
-        figure = Figure(figsize=(6.4, height))
+    height = 3.6
+    with new_figure(6.4, height, f"{e.name} in the residual torque") as figure:
         axes = figure.add_axes((0.125, 0.53 / height, 0.845, (height - 0.53 - 0.72) / height))
         axes.axhline(0.0, color=GRID, linewidth=1.4, zorder=1)
         axes.errorbar(
@@ -83,7 +74,6 @@ def evidence_figure(e: TorqueCurve) -> Figure:
         axes.set_xlabel(f"{variable(e.depends_on)} ({e.unit})")
         axes.set_ylabel(f"residual {e.axis} torque (N·m)")
         axes.legend(loc="best", fontsize=8.5)
-        headline(figure, f"{e.name} in the residual torque", height)
         text = "Residual torque of the model without this cause, mean of bins ± one standard error"
         figure.text(0.015, 1 - 0.46 / height, plain(text), fontsize=8.5, color=SOFT, va="center")
     return figure

@@ -45,10 +45,7 @@ class FigureData:
 def figure_data(
     found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> FigureData:
-    """Compute the data for the figures of a diagnosis ``found`` from its ``recordings``.
-
-    ``holdout``: held-out recordings. The result is empty if faults prevented a fit.
-    """
+    """Compute the data for the figures of a diagnosis; empty if faults prevented a fit."""
     f = found.fitted
     if f is None:
         return FigureData()

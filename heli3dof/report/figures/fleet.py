@@ -14,8 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from heli3dof.fleet.result import Fleet, FleetQuantity, RigQuantity
-from heli3dof.report.figures.labelled_curves import headline
-from heli3dof.report.figures.style import BLUE, GRID, INK, ORANGE, RC, SOFT, VERMILION, Line, plain
+from heli3dof.report.figures.style import (
+    BLUE,
+    GRID,
+    INK,
+    ORANGE,
+    SOFT,
+    VERMILION,
+    Line,
+    new_figure,
+    plain,
+)
 from heli3dof.report.text.fleet_sentences import date
 
 if TYPE_CHECKING:
@@ -40,16 +49,12 @@ def fleet_figure(fleet: Fleet, quantity: str = "") -> Figure:
 
 def quantity_figure(q: FleetQuantity) -> Figure:
     """Draw one quantity: a panel for each rig, all with the same vertical axis."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
     columns = min(COLUMNS, len(q.rigs))
     rows = ceil(len(q.rigs) / columns)
     width, height = max(columns * PANEL[0], 6.4), rows * PANEL[1] + HEAD + FOOT
     dated = all(r.track.dated for r in q.rigs)
     start = min(float(r.track.t[0]) for r in q.rigs)
-    with matplotlib.rc_context(RC):
-        figure = Figure(figsize=(width, height))
+    with new_figure(width, height, q.name) as figure:
         panels = figure.subplots(rows, columns, sharex=dated, sharey=True, squeeze=False)
         figure.subplots_adjust(
             0.62 / width, FOOT / height, 1 - 0.12 / width, 1 - HEAD / height, 0.12, 0.42
@@ -62,7 +67,6 @@ def quantity_figure(q: FleetQuantity) -> Figure:
         for axes in panels.flat[max(0, len(q.rigs) - columns) : len(q.rigs)]:
             axes.set_xlabel(unit, fontsize=8)
             axes.tick_params(labelbottom=True)
-        headline(figure, q.name, height)
         text = (
             "Flights ± one standard deviation; line: mean since the last step; grey: fleet's mean"
         )

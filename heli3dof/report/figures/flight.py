@@ -10,18 +10,18 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_task import under_control
 from heli3dof.recording.recording import Recording
-from heli3dof.report.figures.labelled_curves import Curve, headline, label_ends, limits
+from heli3dof.report.figures.labelled_curves import Curve, label_ends, limits
 from heli3dof.report.figures.style import (
     BLUE,
     GREEN,
     GRID,
     MEASURED,
-    RC,
     REFERENCE,
     SOFT,
     SYMBOLS,
     VERMILION,
     Line,
+    new_figure,
 )
 
 if TYPE_CHECKING:
@@ -78,12 +78,8 @@ def _panel_figure(
 
     ``ramp_from_s``: when the motors begin to ramp to zero, in s; the time from then on is shaded.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(RC):
-        height = 1.0 + 1.35 * len(panels)
-        figure = Figure(figsize=(8.6, height))
+    height = 1.0 + 1.35 * len(panels)
+    with new_figure(8.6, height, title) as figure:
         column = figure.subplots(
             len(panels),
             1,
@@ -119,6 +115,5 @@ def _panel_figure(
             )
         column[-1].set_xlabel("time (s)")
         column[-1].set_xlim(float(t[0]), float(t[-1]))
-        headline(figure, title, height)
         figure.align_ylabels()
     return figure

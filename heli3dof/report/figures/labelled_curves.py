@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from heli3dof.report.figures.style import RC, SOFT, Line, plain
+from heli3dof.report.figures.style import SOFT, Line, new_figure, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 LABEL_GAP = 0.062
 """Height of one label, as a share of the axes' height"""
 
-TITLE_WIDTH, SUBTITLE_WIDTH, LABEL_WIDTH = 74, 120, 20
-"""Largest numbers of characters in a title, on a line of the subtitle, and in a label"""
+SUBTITLE_WIDTH, LABEL_WIDTH = 120, 20
+"""Largest numbers of characters on a line of the subtitle, and in a label"""
 MIN_SPAN = 2.0
 """Least range of a vertical axis, in degrees or volts (a convention)"""
 
@@ -50,14 +50,10 @@ def angle_figure(
     ``frame`` names the curves that determine the vertical range (empty: all). Other curves widen
     it at most threefold, so that a diverging model does not flatten the rest.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
-
     lines = textwrap.wrap(plain(subtitle, 4 * SUBTITLE_WIDTH), SUBTITLE_WIDTH) or [""]
-    with matplotlib.rc_context(RC):
-        height = 3.75 + 0.18 * len(lines)
-        top = 0.52 + 0.18 * len(lines)
-        figure = Figure(figsize=(8.6, height))
+    height = 3.75 + 0.18 * len(lines)
+    top = 0.52 + 0.18 * len(lines)
+    with new_figure(8.6, height, title) as figure:
         axes = figure.add_axes((0.085, 0.52 / height, 0.735, (height - top - 0.52) / height))
         for c in curves:
             axes.plot(c.t, c.y, label=c.label, **c.line.kwargs())
@@ -68,17 +64,10 @@ def angle_figure(
         axes.set_xlabel("time (s)")
         axes.set_ylabel(ylabel)
         label_ends(axes, curves)
-        headline(figure, title, height)
         for i, line in enumerate(lines):
             y = 1 - (0.46 + 0.18 * i) / height
             figure.text(0.015, y, line, fontsize=9, color=SOFT, va="center")
     return figure
-
-
-def headline(figure: Figure, title: str, height: float) -> None:
-    """Write ``title`` at the upper left of a figure that is ``height`` inches high."""
-    text = plain(title, TITLE_WIDTH)
-    figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
 
 
 def short_label(label: str) -> str:
@@ -203,10 +192,7 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _start(block: list[float], gap: float) -> float:
-    """Return the height (0…1) of the lowest label in a block of labels that are ``gap`` apart.
-
-    ``block``: the heights (0…1) of the curves' ends; the block is centred on their mean.
-    """
+    """Return the height (0…1) of a block's lowest label; the block is centred on its mean."""
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
 

@@ -20,8 +20,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.identification.result import Identification
-from heli3dof.report.figures.labelled_curves import headline, short_label
-from heli3dof.report.figures.style import BLUE, GRID, RC, SOFT, SYMBOLS, Line, model_lines
+from heli3dof.report.figures.labelled_curves import short_label
+from heli3dof.report.figures.style import BLUE, GRID, SOFT, SYMBOLS, Line, model_lines, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,13 +53,9 @@ def bode_figure(
     ``channels`` maps a channel's name, such as ``roll / front (rad/V)``, to the curves of the
     models.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
-
     n = len(channels)
-    with matplotlib.rc_context(RC):
-        height = 4.9
-        figure = Figure(figsize=(max(4.4, 3.0 * n), height))
+    width, height = max(4.4, 3.0 * n), 4.9
+    with new_figure(width, height, title) as figure:
         grid = figure.subplots(
             2,
             n,
@@ -68,8 +64,8 @@ def bode_figure(
             gridspec_kw={
                 "hspace": 0.12,
                 "wspace": 0.3,
-                "left": 0.82 / figure.get_figwidth(),
-                "right": 1 - 0.12 / figure.get_figwidth(),
+                "left": 0.82 / width,
+                "right": 1 - 0.12 / width,
                 "top": 1 - 0.72 / height,
                 "bottom": 0.85 / height,
             },
@@ -88,15 +84,11 @@ def bode_figure(
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=max(1, len(labels)))
         figure.align_ylabels()
-        headline(figure, title, height)
     return figure
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Draw the Bode diagrams of an identified model, from the front motor to each angle.
-
-    Returns None for a model without a linear response.
-    """
+    """Draw Bode diagrams from the front motor to each angle; None without a linear response."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)
@@ -136,14 +128,10 @@ def _db(size: np.ndarray) -> np.ndarray:
 
 def residual_figure(t: np.ndarray, residual: np.ndarray) -> Figure:
     """Draw innovations (N, 3) in rad over times t (N,) in s, and their autocorrelation by axis."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
     there = [i for i in range(len(AXES)) if np.isfinite(residual[:, i]).any()]
     dt = float(np.median(np.diff(t)))
-    with matplotlib.rc_context(RC):
-        height = 1.1 + 1.5 * max(len(there), 1)
-        figure = Figure(figsize=(8.6, height))
+    height = 1.1 + 1.5 * max(len(there), 1)
+    with new_figure(8.6, height, "Innovations on held-out data") as figure:
         grid = figure.subplots(
             max(len(there), 1),
             2,
@@ -176,7 +164,6 @@ def residual_figure(t: np.ndarray, residual: np.ndarray) -> Figure:
             "autocorrelation; band: 99 % if white", fontsize=9.5, color=SOFT, loc="left"
         )
         figure.align_ylabels()
-        headline(figure, "Innovations on held-out data", height)
     return figure
 
 

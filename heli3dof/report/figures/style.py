@@ -8,12 +8,14 @@ functions, because its import takes half a second.
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.atomic_write import check_output, write_file
+from heli3dof.recording.atomic_write import check_outputs, write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +25,8 @@ SOFT = "#6e7781"
 GRID = "#e4e7eb"
 VERMILION, BLUE, GREEN = "#D55E00", "#0072B2", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
+TITLE_WIDTH = 74
+"""Largest number of characters in a title"""
 SYMBOLS = {"roll": "r", "pitch": "p", "yaw": "ψ"}
 """Axis → symbol of its angle in labels"""
 FORMATS: dict[str, dict[str, Any]] = {
@@ -118,6 +122,19 @@ def model_lines(kinds: list[str]) -> list[Line]:
     return lines
 
 
+@contextmanager
+def new_figure(width: float, height: float, title: str) -> Iterator[Figure]:
+    """Context manager: yield a figure of ``width`` × ``height`` inches with a title, to draw on."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=(width, height))
+        text = plain(title, TITLE_WIDTH)
+        figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
+        yield figure
+
+
 def to_svg(figure: Figure) -> str:
     """Return the figure as SVG text."""
     return drawn(figure, ".svg").decode("utf-8")
@@ -151,5 +168,5 @@ def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
     path = Path(path)
     check_ending(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    check_output(path, force=force)  # before drawing, which takes a second
+    check_outputs(path, force=force)  # before drawing, which takes a second
     return write_file(path, drawn(figure, path.suffix), force=force)

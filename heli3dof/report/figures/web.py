@@ -95,10 +95,7 @@ def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
 
 
 def _in_one(a: Any, b: Any, what: str) -> bool:
-    """Return True if two axes are in the same row or column of the figure's grid.
-
-    ``what``: ``row`` or ``col`` (column).
-    """
+    """Return True if two axes are in the same row or column (``what``: ``row``, ``col``)."""
     one, other = a.get_subplotspec(), b.get_subplotspec()
     return bool(one and other and getattr(one, f"{what}span") == getattr(other, f"{what}span"))
 
@@ -108,12 +105,15 @@ def _lines(axes: Any) -> Iterable[dict[str, Any]]:
     for line in axes.lines:
         if line.get_label().startswith(("_child", "_nolegend_")) or id(line) in points:
             continue  # a mark, a zero line, the cap of an error bar
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        rows = decimated(y.astype(float))
         yield {
             "name": line.get_label(),
             "color": variable_of(line.get_color()),
             "width": line.get_linewidth(),
             "dash": list(line._dash_pattern[1] or ()),
-            **_samples(line.get_xdata(), line.get_ydata()),
+            "x": _numbers(x[rows]),
+            "y": _numbers(y[rows]),
         }
 
 
@@ -177,11 +177,6 @@ def variable_of(color: Any) -> str:
 
     code = to_hex(color)
     return next(name for name, (light, _) in THEME.items() if light.lower() == code)
-
-
-def _samples(x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
-    rows = decimated(np.asarray(y, dtype=float))
-    return {"x": _numbers(np.asarray(x)[rows]), "y": _numbers(np.asarray(y)[rows])}
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:

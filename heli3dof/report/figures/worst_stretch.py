@@ -43,11 +43,7 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis with the largest ratio E_before / median(E_after).
-
-    The module's docstring defines this ratio. ``before``, ``after``: predictions without and with
-    the causes. Returns None without predictions.
-    """
+    """Return the stretch and axis with the largest ratio E_before / median(E_after), or None."""
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )
@@ -63,11 +59,7 @@ def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Stretch, recording: str = "") -> Figure:
-    """Draw predictions 1 s ahead over the stretch ``worst``, and the measured angle.
-
-    ``before``, ``after``: predictions of the model without and with the causes. ``recording``: the
-    recording's name, for the title.
-    """
+    """Draw 1 s predictions over the stretch ``worst``; ``recording``: its name, for the title."""
     i = AXES.index(worst.axis)
     c = before.course
     margin = 0.5 * (worst.stop_s - worst.start_s)

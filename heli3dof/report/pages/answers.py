@@ -37,11 +37,7 @@ PLAN_COMMAND = re.compile(r"heli3dof (?:run|simulate) (\S+)")
 
 
 def diagnosis_answers(document: Document, data: FigureData, dt: float) -> list[Answer]:
-    """Return the report's answers from a diagnosis, each an `Answer`.
-
-    ``document``: the JSON of ``diagnose --json``; ``data``: data of the figures; ``dt``: control
-    period in s.
-    """
+    """Return the report's answers from a diagnosis; ``dt``: control period in s."""
     answers = [_wrong(document), _cause(document, data), _gain(document), _next(document, dt)]
     return [a for a in answers if a is not None]
 
@@ -93,11 +89,7 @@ def _gain(document: Document) -> Answer:
 
 
 def _next(document: Document, dt: float) -> Answer | None:
-    """Return the first recommended action as an answer; None if there is none.
-
-    Its picture shows the references of the plan that the action's command names, if any. ``dt``:
-    control period in s.
-    """
+    """Return the first recommended action, with a picture of the plan that it names, if any."""
     for sentence in words.next_steps(document):
         command = PLAN_COMMAND.search(sentence)
         drawn = ""
@@ -108,10 +100,7 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return what a comparison answers on its first recording, each an `Answer`.
-
-    The questions: how wrong the simulation is, which model predicts best, what to do next.
-    """
+    """Return what a comparison answers on its first recording, each an `Answer`."""
     flight = comparison.flights[0]
     if not flight.models:
         return []
@@ -143,10 +132,7 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return a list of one answer: which model predicts best, with bars of the models' errors.
-
-    The bars are for the first recording. The list is empty if no model predicted it.
-    """
+    """Return [which model predicts the first recording best, with bars]; [] without predictions."""
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

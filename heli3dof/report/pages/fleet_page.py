@@ -1,8 +1,4 @@
-"""Write the HTML page of a fleet: what changed and which rigs differ, then each quantity.
-
-At most `MOST_FIGURES` quantities have a figure: first those that changed or that differ between
-rigs, then the main ones, then others. Every quantity has a table.
-"""
+"""Write the HTML page of a fleet: what changed and which rigs differ, then each quantity."""
 
 from __future__ import annotations
 
@@ -35,7 +31,10 @@ def fleet_page(fleet: Fleet, *, title: str = "Fleet") -> str:
 
 
 def drawn_quantities(fleet: Fleet) -> list[FleetQuantity]:
-    """Return the quantities with a figure, at most `MOST_FIGURES`, the most important first."""
+    """Return the at most `MOST_FIGURES` quantities with a figure; every quantity has a table.
+
+    First are those that changed or that differ between rigs, then the main ones, then others.
+    """
     stated = [track.quantity for track, _ in fleet.changes()]
     stated += [quantity for quantity, _ in fleet.differences()]
     first = [q for name in dict.fromkeys(stated) for q in fleet.quantities if q.name == name]

@@ -173,8 +173,11 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 def _summary(r: Recording) -> dict[str, Any]:
     """Return a dict of a recording's properties, such as duration and outcome: name → text."""
     gaps = np.diff(r.t) > 1.5 * r.dt
+    plan = r.meta.get("plan")
+    if isinstance(plan, Mapping):
+        plan = plan.get("name") or None
     return {
-        "plan": _plan_name(r),
+        "plan": plan,
         "device": r.meta.get("device"),
         "ended": ": ".join(_ending(r)) or None,
         "duration": fixed(r.duration, 1, " s"),
@@ -196,13 +199,6 @@ def _ending(r: Recording) -> list[str]:
         return []
     reason = details.get("detail") or details.get("reason")
     return [str(outcome), str(reason)] if reason else [str(outcome)]
-
-
-def _plan_name(r: Recording) -> str | None:
-    plan = r.meta.get("plan")
-    if isinstance(plan, Mapping):
-        return str(plan.get("name", "")) or None
-    return None if plan is None else str(plan)
 
 
 def _comparison(comparison: Comparison, *, paper: bool) -> Section:

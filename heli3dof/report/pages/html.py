@@ -21,7 +21,7 @@ import numpy as np
 from heli3dof.recording.atomic_write import write_file
 from heli3dof.report.figures.web import live_data, svg_address, theme_css, variable_of
 from heli3dof.report.text.number_format import fixed
-from heli3dof.report.text.table import Grid, to_html
+from heli3dof.report.text.table import Grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,8 +98,35 @@ def warning(text: str) -> str:
 
 
 def table(grid: Grid) -> str:
-    """Return a table and its notes as HTML."""
-    return to_html(grid)
+    """Return a table and its notes as HTML, with a caption and all text escaped."""
+    heads = "".join(
+        f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
+    )
+    body, before = [], None
+    for row in grid.rows:
+        opens = grid.has_groups and row[0] != before
+        cells = []
+        for i, cell in enumerate(row):
+            text = "" if i == 0 and grid.has_groups and not opens else html.escape(cell)
+            cells.append(f"<td{_css(grid, i)}>{text}</td>")
+        # A row with an indented name belongs to the row above.
+        aside = any(cell.startswith("  ") for cell in row)
+        classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
+        row_class = f' class="{classes}"' if classes else ""
+        body.append(f"<tr{row_class}>{''.join(cells)}</tr>")
+        before = row[0]
+    notes = "".join(f"<li>{html.escape(n)}</li>" for n in grid.notes)
+    return (
+        f'<div class="table"><table><caption>{html.escape(grid.title)}</caption>'
+        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
+        + (f'<ul class="notes">{notes}</ul>' if notes else "")
+    )
+
+
+def _css(grid: Grid, column: int) -> str:
+    if grid.is_number(column):
+        return ' class="n"'
+    return ' class="t"' if column < grid.text_columns else ""
 
 
 def facts(values: Mapping[str, Any]) -> str:
@@ -156,11 +183,8 @@ def figure(drawn: Figure, alt: str, *, flight: str = "") -> str:
     values = {**live_data(drawn), "flight": flight}
     data = json.dumps(values, ensure_ascii=False, separators=(",", ":"))
     data = data.replace("<", "\\u003c")  # no text can end the script element
-    return f'<figure>{_image(drawn, alt)}<script type="application/json">{data}</script></figure>'
-
-
-def _image(drawn: Figure, alt: str) -> str:
-    return f'<img alt="{html.escape(alt, quote=True)}" src="{svg_address(drawn)}">'
+    image = f'<img alt="{html.escape(alt, quote=True)}" src="{svg_address(drawn)}">'
+    return f'<figure>{image}<script type="application/json">{data}</script></figure>'
 
 
 def page(
@@ -188,6 +212,8 @@ def page(
         f"{_folded(s.details)}</section>"
         for i, s in enumerate(sections, 1)
     )
+    licence = f"/* uPlot\n{_file('uPlot-LICENSE.txt')}\n*/"
+    scripts = "\n".join([licence, _file("uPlot.iife.min.js"), _file("figures.js")])
     live = '<script type="application/json">' in body + shown
     return PAGE.substitute(
         title=html.escape(title),
@@ -197,7 +223,7 @@ def page(
         answers=f'<div class="answers">{shown}</div>' if shown else "",
         body=body,
         footer=html.escape(footer),
-        script=_script() if live else "",
+        script=f"<script>\n{scripts}\n</script>" if live else "",
     )
 
 
@@ -210,13 +236,6 @@ def _folded(blocks: Sequence[str]) -> str:
     parts = [f"{n} {tag}{'s' if n > 1 else ''}" for n, tag in counts if n]
     summary = ": ".join(["Details", ", ".join(parts)] if parts else ["Details"])
     return f"<details><summary>{summary}</summary>{text}</details>"
-
-
-def _script() -> str:
-    """Return the script that draws live figures, with uPlot and its licence."""
-    licence = f"/* uPlot\n{_file('uPlot-LICENSE.txt')}\n*/"
-    parts = (licence, _file("uPlot.iife.min.js"), _file("figures.js"))
-    return "<script>\n{}\n</script>".format("\n".join(parts))
 
 
 def _file(name: str) -> str:

@@ -1,9 +1,4 @@
-"""Write the section of the HTML report on an identification.
-
-The section has the tables of `heli3dof.report.text.identification_tables`, and Bode diagrams of
-three channels with bands of ± two standard deviations. It also shows the innovations of the longest
-held-out segment with their autocorrelation.
-"""
+"""Write the section of the HTML report on an identification."""
 
 from __future__ import annotations
 
@@ -24,7 +19,7 @@ def identification_section(found: Identification) -> Section:
     """Return an identification as a section of an HTML report.
 
     Warnings, Bode diagrams and fits are visible without a click. A click opens the rest: sentences,
-    tables and residuals.
+    tables, and the innovations of the longest held-out segment with their autocorrelation.
     """
     blocks = [warning(w) for w in found.warnings]
     bode = bode_with_bands(found)

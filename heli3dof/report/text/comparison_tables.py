@@ -19,13 +19,7 @@ from heli3dof.comparison.result import (
     ModelComparison,
     PredictionError,
 )
-from heli3dof.comparison.verdict import (
-    HORIZON_S,
-    STILL,
-    prediction_errors,
-    replay_errors,
-    verdict,
-)
+from heli3dof.comparison.verdict import HORIZON_S, STILL, prediction_errors, replay_errors, verdict
 from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.report.text.number_format import NONE, fixed, short
@@ -94,10 +88,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of step metrics, with a row per reference segment of each axis in ``metrics``.
-
-    Notes explain the steady error, and a settling time that is undefined.
-    """
+    """Return a table of step metrics, with a row per reference segment of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis, of_axis in metrics.items()
@@ -193,11 +184,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the label under which the paper's results list ``model``; None if they do not.
-
-    The label is "hover" for the hover model, and "identification" for the first identified model of
-    ``models``.
-    """
+    """Return the paper's label of ``model``: of identified ``models``, only the first has one."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -279,10 +266,7 @@ def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]
 
 
 def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
-    """Return the table of all models, then each recording's tables.
-
-    ``paper`` adds tables like Table II of the paper.
-    """
+    """Return the table of all models, then each recording's tables (`flight_grids`)."""
     grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
     return [fit_table(comparison), *grids]
 

@@ -104,10 +104,7 @@ def noisy_axes(document: Document) -> list[str]:
 
 
 def before_and_after(gain: Document) -> str:
-    """Return a text with the held-out RMSE (°) by axis: before → after a change of the model.
-
-    ``gain``: the change's object in the JSON document; its key ``holdout_rmse_deg`` has the RMSE.
-    """
+    """Return the RMSE (°) by axis in ``holdout_rmse_deg`` as text: before → after a change."""
     error = gain["holdout_rmse_deg"]
     return ", ".join(
         f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
@@ -330,10 +327,7 @@ def measured_on(document: Document) -> str:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield sentences on each torque without a known cause: its axis, variable and model term.
-
-    The last sentence states the errors that remain without an explanation, if there are any.
-    """
+    """Yield sentences on torques without a known cause, and a last one on unexplained errors."""
     for rest in (x for x in document["leftover"] if x["depends_on"]):
         share = number(rest["share"])
         text = (
@@ -375,10 +369,7 @@ def _remaining(document: Document, remaining: Sequence[Document]) -> str:
 
 
 def slow_noise(document: Document) -> Iterator[str]:
-    """Yield a sentence on slow torque noise, if there is any.
-
-    Slow torque noise is a residual torque that depends on no measured variable.
-    """
+    """Yield a sentence on residual torques that depend on no measured variable, if any."""
     each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
     if each:
         yield (
@@ -388,10 +379,9 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 
 def _torque_term(rest: Document, where: str) -> str:
-    """Return sentences on an unmodelled torque: its term in the extended model, and RMSE.
+    """Return sentences on an unmodelled torque: its term, and RMSE without and with it.
 
-    ``rest``: the torque's object in the JSON document. The RMSE is given without and with the term;
-    ``where`` names the data on which it was measured.
+    ``rest``: the torque's object in the JSON document; ``where``: the data of the RMSE, in words.
     """
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
     if not rest["formula"]:

@@ -22,17 +22,18 @@ MOST_CAUSES = 4
 
 def diagnosis_summary(document: Document) -> list[str]:
     """Return the lines of the summary; ``document`` is the JSON document of ``diagnose --json``."""
+    weaker = len(_once_each(document)) - MOST_CAUSES
     return [
         words.verdict(document),
         *faults(document),
         *simulation_error(document),
         *words.calibration_change(document),
         *causes(document),
-        *_weaker(document),
+        *([f"{weaker} weaker cause{'s' * (weaker > 1)}: see --verbose."] if weaker > 0 else []),
         *gain(document),
         *words.unmodelled_effects(document),
         *words.slow_noise(document),
-        *_next(document),
+        *list(words.next_steps(document))[:1],
     ]
 
 
@@ -102,11 +103,6 @@ def causes(document: Document) -> Iterator[str]:
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
 
 
-def _weaker(document: Document) -> list[str]:
-    weaker = len(_once_each(document)) - MOST_CAUSES
-    return [f"{weaker} weaker cause{'s' * (weaker > 1)}: see --verbose."] if weaker > 0 else []
-
-
 def _once_each(document: Document) -> list[Document]:
     """Return the causes, each effect once: jitter of several recordings is one cause."""
     return list({name_of(f): f for f in reversed(document["findings"])}.values())[::-1]
@@ -118,8 +114,3 @@ def gain(document: Document) -> Iterator[str]:
         return
     where, falls = words.measured_on(document), words.before_and_after(document["gain"])
     yield f"RMSE after refitting, without → with these causes, on {where}: {falls}."
-
-
-def _next(document: Document) -> list[str]:
-    """Return a list with the first recommended action; an empty list if there is none."""
-    return list(words.next_steps(document))[:1]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.fleet.change_search import LEAST_FLIGHTS, REPORTED, Change
-from heli3dof.fleet.result import ChangeGroup, Fleet
+from heli3dof.fleet.result import Fleet
 from heli3dof.fleet.siblings import Difference
 from heli3dof.fleet.tracks import BadRecording, Track
 from heli3dof.recording.atomic_write import stem
@@ -24,24 +24,18 @@ MOST_REASONS = 3
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
-    """Return a sentence on each change, then on each rig that differs from the other rigs.
-
-    Without a change, the first sentence states that none was found, or not searched for.
-    """
-    found = [_group_sentence(group) for group in fleet.change_groups()]
+    """Return a sentence on each change (or that none was found), then on each differing rig."""
+    found = [
+        change_sentence(group.track, group.change)
+        + (f" {', '.join(group.moved)} changed by the inverse factor." if group.moved else "")
+        for group in fleet.change_groups()
+    ]
     if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
     elif not found:
         found = [f"No rig has the {LEAST_FLIGHTS} flights that a search for changes needs."]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     return (*found, *different)
-
-
-def _group_sentence(group: ChangeGroup) -> str:
-    sentence = change_sentence(group.track, group.change)
-    if not group.moved:
-        return sentence
-    return f"{sentence} {', '.join(group.moved)} changed by the inverse factor."
 
 
 def change_sentence(track: Track, change: Change) -> str:
@@ -60,8 +54,9 @@ def change_sentence(track: Track, change: Change) -> str:
         return f"{what} drifted by {size} {ends} ({sure})."
     if change.kind == "deviating":
         return f"{what} deviates by {size} in {flight_name(track, change.first)} only ({sure})."
-    level = abs(change.size) / abs(_level(track, change)) if _level(track, change) else 0.0
-    relative = f" ({100 * level:.2g} %)" if 0 < level < 1 else ""
+    before = float(np.median(track.y[: change.first]))
+    share = abs(change.size) / abs(before) if before else 0.0
+    relative = f" ({100 * share:.2g} %)" if 0 < share < 1 else ""
     between = f"between {flight_name(track, change.last)} and {flight_name(track, change.first)}"
     many = "" if len(change.dates) == 1 else f", {len(change.dates)} dates possible"
     return f"{what} changed by {size}{relative} {between} ({sure}{many})."
@@ -70,10 +65,11 @@ def change_sentence(track: Track, change: Change) -> str:
 def difference_sentence(quantity: str, d: Difference) -> str:
     """Return how far a rig's quantity is from the mean of the other rigs, as a sentence."""
     side = "above" if d.size > 0 else "below"
+    chance = f"1 in {1 / d.p_value:.0f}" if d.p_value > 1e-6 else "less than 1 in a million"
     return (
         f"{d.rig}: {quantity} is {significant(abs(d.size), d.std)} {side} the mean of the "
         f"others, which scatter by {significant(d.std, d.std)} (chance if all rigs are alike: "
-        f"{_chance(d.p_value)})."
+        f"{chance})."
     )
 
 
@@ -170,15 +166,6 @@ def percent(probability: float) -> str:
     if probability > 0.999:
         return "> 99.9 %"
     return f"{100 * probability:.1f} %" if probability > 0.99 else f"{100 * probability:.0f} %"
-
-
-def _chance(p: float) -> str:
-    return f"1 in {1 / p:.0f}" if p > 1e-6 else "less than 1 in a million"
-
-
-def _level(track: Track, change: Change) -> float:
-    """Return the median of a rig's quantity over all its flights before a change."""
-    return float(np.median(track.y[: change.first]))
 
 
 def _count(n: int, noun: str) -> str:

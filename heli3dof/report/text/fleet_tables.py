@@ -49,7 +49,8 @@ def rig_table(fleet: Fleet) -> Grid:
     chosen = main_quantities(fleet)
     rows = []
     for rig in fleet.rigs:
-        cells = [_cell(_of_rig(q, rig), column.factor) for q, column in chosen]
+        of_rig = [next((r for r in q.rigs if r.track.rig == rig), None) for q, _ in chosen]
+        cells = (_cell(r, c.factor) for r, (_, c) in zip(of_rig, chosen, strict=True))
         rows.append((rig, *cells))
     if len(fleet.rigs) > 1:
         means = (
@@ -127,7 +128,3 @@ def _value(e: Estimate, factor: float) -> str:
         return significant(factor * e.value)
     digits = significant(half, 10 * half)  # one digit of the half width
     return f"{significant(factor * e.value, 10 * half)} ± {digits}"
-
-
-def _of_rig(q: FleetQuantity, rig: str) -> RigQuantity | None:
-    return next((r for r in q.rigs if r.track.rig == rig), None)

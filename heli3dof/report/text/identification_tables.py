@@ -7,7 +7,6 @@ held-out data, residual tests, and the model orders tried.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -41,7 +40,14 @@ def identification_summary(found: Identification) -> list[str | Grid]:
     """
     lines: list[str | Grid] = [_scores(found)]
     if found.residuals:
-        lines.append(" ".join(_residual_tests(found)))
+        passed = ", ".join(t.name for t in found.residuals if t.passed)
+        failed = (
+            f"Residual test not passed: {t.name} (past data predict {100 * t.share:.0f} % of the "
+            "innovations' variance)."
+            for t in found.residuals
+            if not t.passed
+        )
+        lines.append(" ".join([*([f"Residual tests passed: {passed}."] * bool(passed)), *failed]))
     parameters = parameters_table(found, brief=True)
     transfer = transfer_functions_table(found, only_direct=True)
     return [*lines, *(g for g in (parameters, transfer) if g.rows)]
@@ -64,19 +70,6 @@ def _scores(found: Identification) -> str:
 
 def _by_axis(fits: np.ndarray) -> str:
     return ", ".join(f"{a} {fixed(float(v), 0, ' %')}" for a, v in zip(AXES, fits, strict=True))
-
-
-def _residual_tests(found: Identification) -> Iterator[str]:
-    """Yield a sentence on all residual tests that passed, and one on each test that failed."""
-    passed = [t.name for t in found.residuals if t.passed]
-    if passed:
-        yield f"Residual tests passed: {', '.join(passed)}."
-    for t in found.residuals:
-        if not t.passed:
-            yield (
-                f"Residual test not passed: {t.name} (past data predict {100 * t.share:.0f} % of "
-                "the innovations' variance)."
-            )
 
 
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:

@@ -1,8 +1,7 @@
-"""`Grid`: a table of strings, rendered for a terminal or in HTML."""
+"""`Grid`: a table of strings, rendered for a terminal."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -41,6 +40,12 @@ class Grid:
         """Return True if the column with this index (from 0) holds numbers, which align right."""
         return self.text_columns <= column < len(self.columns) - self.prose_columns
 
+    @property
+    def has_groups(self) -> bool:
+        """Return True if the first column repeats names; the table then prints each name once."""
+        first = [row[0] for row in self.rows]
+        return len(set(first)) < len(first)
+
     def __rich__(self) -> Group:
         """Return the table and its notes as the library rich prints them on a terminal.
 
@@ -55,10 +60,7 @@ class Grid:
 
 
 class _FittingTable:
-    """A table that the library rich draws in parts, one below the other, on a narrow terminal.
-
-    ``grid``: its contents. Title and notes are not drawn.
-    """
+    """The cells of a `Grid`, which rich draws in parts, one below the other, if they are wide."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
@@ -68,10 +70,7 @@ class _FittingTable:
             yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return the column indices of each part of a table that is wider than the terminal.
-
-        A part has all text columns, and as many others as fit in ``width`` characters.
-        """
+        """Return each part's columns: all text columns, and as many others as fit in ``width``."""
         least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
         always = list(range(self.grid.text_columns))
         parts, room = [list(always)], width - sum(least[i] for i in always)
@@ -146,49 +145,11 @@ class _FittingTable:
             )
         before: Sequence[str] = ()
         for row in self.grid.rows:
-            if before and row[0] != before[0] and _has_groups(self.grid):
+            if before and row[0] != before[0] and self.grid.has_groups:
                 table.add_row()
             shown = list(row)
-            if before and row[0] == before[0] and _has_groups(self.grid):
+            if before and row[0] == before[0] and self.grid.has_groups:
                 shown[0] = ""
             table.add_row(*(Text(shown[i]) for i in columns))
             before = row
         return table
-
-
-def to_html(grid: Grid) -> str:
-    """Return the table in HTML, with a caption and all text escaped."""
-    heads = "".join(
-        f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
-    )
-    body, before = [], None
-    for row in grid.rows:
-        opens = _has_groups(grid) and row[0] != before
-        cells = []
-        for i, cell in enumerate(row):
-            text = "" if i == 0 and _has_groups(grid) and not opens else html.escape(cell)
-            cells.append(f"<td{_css(grid, i)}>{text}</td>")
-        # A row with an indented name belongs to the row above.
-        aside = any(cell.startswith("  ") for cell in row)
-        classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
-        row_class = f' class="{classes}"' if classes else ""
-        body.append(f"<tr{row_class}>{''.join(cells)}</tr>")
-        before = row[0]
-    notes = "".join(f"<li>{html.escape(n)}</li>" for n in grid.notes)
-    return (
-        f'<div class="table"><table><caption>{html.escape(grid.title)}</caption>'
-        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
-        + (f'<ul class="notes">{notes}</ul>' if notes else "")
-    )
-
-
-def _has_groups(grid: Grid) -> bool:
-    """Return True if the first column repeats names; the table then prints each name once."""
-    first = [row[0] for row in grid.rows]
-    return len(set(first)) < len(first)
-
-
-def _css(grid: Grid, column: int) -> str:
-    if grid.is_number(column):
-        return ' class="n"'
-    return ' class="t"' if column < grid.text_columns else ""

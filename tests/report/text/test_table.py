@@ -5,7 +5,8 @@ import io
 import pytest
 from rich.console import Console
 
-from heli3dof.report.text.table import Grid, to_html
+from heli3dof.report.pages.html import table
+from heli3dof.report.text.table import Grid
 from tests.pages.markdown_table import to_markdown
 
 GRID = Grid(
@@ -47,7 +48,7 @@ def test_markdown_escapes_the_column_mark_and_aligns_numbers_right() -> None:
 
 
 def test_html_escapes_every_text() -> None:
-    text = to_html(GRID)
+    text = table(GRID)
     assert "<b>" not in text
     assert "&lt;b&gt;|x|" in text
     assert '<td class="n">11.75</td>' in text

@@ -129,16 +129,13 @@ def _header_line(lines: list[str]) -> int:
     for i, line in enumerate(lines):
         separator = _separator(line)
         rows = [_cells(x, separator) for x in lines[i:]]
-        numbers = next((k for k, row in enumerate(rows) if _mostly_numbers(row)), None)
+        counts = (sum(_is_number(cell.replace(",", ".")) for cell in row) for row in rows)
+        numbers = next((k for k, n in enumerate(counts) if 2 * n > len(rows[k])), None)
         if numbers == 0:
             break
         if numbers and not line.startswith("#") and len(rows[0]) == len(rows[numbers]):
             return i
     return 0
-
-
-def _mostly_numbers(row: list[str]) -> bool:
-    return 2 * sum(_is_number(cell.replace(",", ".")) for cell in row) > len(row)
 
 
 def _separator(line: str) -> str:
@@ -208,9 +205,7 @@ def _exact(
 
     Text in a column with an unknown name removes that column with a warning. Text in another column
     or a line with a wrong number of cells raises RecordingError.
-
-    ``body``: lines of text with line numbers ``numbers``; ``names``: names of the columns. Warnings
-    are appended to ``warnings``.
+    ``numbers``: the line numbers of ``body``. Warnings are appended to ``warnings``.
     """
     rows = [_cells(line, separator) for line in body]
     for number, row in zip(numbers, rows, strict=True):
