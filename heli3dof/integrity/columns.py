@@ -9,7 +9,8 @@ voltages cause (`Response.drive`) exceeds `DRIVEN`. An axis is
 
 Axes *in question* are the inconsistent ones; if a voltage is constant, all driven ones. If there
 are any, the check swaps each pair of columns that may explain their motion. A swap is a candidate
-if it makes an axis in question consistent, and no axis inconsistent that was not in question. The
+if it makes an axis in question consistent with a larger R², and no axis inconsistent that was not
+in question. The
 agreement M of a log with the profile is a sum over the driven axes:
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
@@ -138,7 +139,11 @@ def swap_by_motion(view: View) -> tuple[int, int, str] | None:
     for a, b in _pairs(T, bad):
         other = View(_swapped(r, T, a, b)).responses
         touched = set(bad) if {a, b} & {*VOLTAGE} else _names(a, b)
-        right = {x for x in touched & bad if x in other and is_consistent(other[x])}
+        right = {
+            x for x in touched & bad
+            if x in other and is_consistent(other[x])
+            and other[x].explained > view.responses[x].explained
+        }  # fmt: skip
         if right and inconsistent(other) <= bad - right:
             candidates.append((agreement(other), a, b, other, right))
     if not candidates:

@@ -13,6 +13,7 @@ from heli3dof.integrity.columns import agreement, inconsistent, is_consistent
 from heli3dof.integrity.response import Response
 from heli3dof.recording.recording import Recording
 from tests.integrity.flights import flight, only
+from tests.model.examples import with_motor
 from tests.paths import REAL_DATA, needs_real_data
 
 NAMES = (
@@ -70,3 +71,12 @@ def test_consistency_and_agreement_of_a_response() -> None:
     # Half the gain is ln 2/0.5 = 1.386 widths `USUAL` off: exp(−½ 1.386²) = 0.3825.
     assert agreement({"roll": replace(right, gain=0.5)}) == pytest.approx(0.9 * 0.3825, rel=1e-3)
     assert inconsistent({"yaw": replace(wrong, drive=0.001)}) == set()
+
+
+@pytest.mark.parametrize("factor", [0.25, 4.0])
+def test_a_wrong_thrust_gain_is_no_swap(factor: float) -> None:
+    """All responses have the wrong size, but explain the motion."""
+    r = flight("rich")
+    wrong = with_motor(r.profile, K_f=factor * r.profile.motor.K_f)
+    faults = integrity(replace(swapped(r, 0, 0), profile=wrong))
+    assert "columns.swapped" not in [f.check for f in faults]

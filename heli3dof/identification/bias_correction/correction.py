@@ -27,6 +27,7 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.identification.bias_correction.coloured_noise import colour
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_parameters
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.estimate import Estimate, cramer_rao
@@ -169,7 +170,7 @@ def correct(
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
     The search begins at the first of the ``starts``. If it diverges, it is repeated from the next
-    one. If it diverges from all, the result is the most likely start, without a correction
+    one. If it diverges from all, the result is the maximum of the likelihood, without a correction
     (`CorrectedFit.is_corrected` is False). ``rounds``: largest number of rounds;
     ``flights_per_round``: number of flights simulated in each.
     """
@@ -184,8 +185,8 @@ def correct(
         )
         if fit is not None:
             return fit
-    fits = [CorrectedFit(problem, optimum_at(problem, *start, 0, False)) for start in starts]
-    return max(fits, key=lambda f: f.optimum.loglik)
+    optima = [maximise_corrected(problem, *start, None) for start in starts]
+    return CorrectedFit(problem, max(optima, key=lambda o: o.loglik))
 
 
 def corrected_from(

@@ -132,10 +132,15 @@ def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
     """Return the names of the measured axes whose fitted inertia is implausible.
 
     Such an inertia differs from the nominal one by a factor of more than `MAX_INERTIA_RATIO`. On an
-    axis that hardly moves, it may hide a missing effect from the score test.
+    axis that hardly moves, it may hide a missing effect from the score test. If the ratios of all
+    three inertias to nominal are equal within the profile's tolerance, none is implausible: the
+    thrust gain or the time is wrong, and the profile's numbers are no reference.
     """
-    log_ratio = np.abs(fit.theta[1:4] - fit.problem.prior_mean[1:4])
-    far = fit.problem.data.axes & (log_ratio > np.log(MAX_INERTIA_RATIO))
+    log_ratio, axes = fit.theta[1:4] - fit.problem.prior_mean[1:4], fit.problem.data.axes
+    apart = np.abs(log_ratio - np.median(log_ratio)).max()
+    if axes.all() and apart <= np.log1p(fit.structure.profile.tolerance):
+        return ()
+    far = axes & (np.abs(log_ratio) > np.log(MAX_INERTIA_RATIO))
     return tuple(axis for axis, is_far in zip(AXES, far, strict=True) if is_far)
 
 

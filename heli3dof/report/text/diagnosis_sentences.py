@@ -7,6 +7,7 @@ defines its keys. `faults` and `next_steps` also state what the user can do.
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -165,6 +166,28 @@ def calibration_change(document: Document) -> Iterator[str]:
     ]
     if off:
         yield f"Well determined, and not as in the profile: {', '.join(off)}."
+    if factor := common_factor(document):
+        yield (
+            f"All ratios K_f/J differ from the profile by one factor, {factor:.2f}. Either the "
+            f"thrust gain K_f is wrong, or the log's times are multiplied by {factor**-0.5:.2f}."
+        )
+
+
+def common_factor(document: Document) -> float | None:
+    """Return the factor by which the ratios K_f/J of all three axes differ from the profile's.
+
+    The result is None if a ratio is missing, or if the factors are not equal within the tolerance.
+    It is also None if the median factor is within the tolerance.
+    """
+    factors = [
+        r["value"] / r["nominal"] for r in document.get("ratios", ()) if "K_f/J" in r["ratio"]
+    ]
+    if len(factors) != len(AXES) or min(factors) <= 0:
+        return None
+    margin = 1 + max(c["tolerance"] for c in document["calibration"])
+    middle = statistics.median(factors)
+    is_common = max(factors) < margin * middle and min(factors) > middle / margin
+    return middle if is_common and not 1 / margin < middle < margin else None
 
 
 def not_significantly_off(document: Document) -> list[Document]:

@@ -123,6 +123,9 @@ def test_a_fit_whose_simulated_flights_diverge_is_not_corrected(
         monkeypatch.setattr(correction, "scatter_of", lambda g, H, f=factor: f * H)
         fit = correction.correct(problem, [start], [flight], seed=0, flights_per_round=2, rounds=1)
         assert fit.is_corrected is corrected
+    # The start is no maximum; the uncorrected fit is.
+    assert fit.optimum.converged
+    assert fit.optimum.loglik > problem.run(*start, keep=0).loglik.sum() + 10
 
 
 SLUGGISH = (

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from heli3dof.axes import AXES
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction import correction
 from heli3dof.identification.bias_correction.correction import CorrectedFit
@@ -15,6 +16,7 @@ from heli3dof.identification.closed_loop_fit.base_fit import (
     TIGHT_PRIOR,
     ProfileLikelihood,
     fit_base,
+    implausible_inertias,
     start_scales,
     with_plausible_inertias,
 )
@@ -53,6 +55,17 @@ def test_a_search_also_starts_at_the_thrust_gain_of_a_trim_far_off(
     trim: float, scales: list[float]
 ) -> None:
     assert start_scales(with_ratios(trim, 1, 1, 1)) == pytest.approx(scales)
+
+
+@pytest.mark.parametrize(
+    ("ratios", "axes"),
+    [((4, 4, 4), ()), ((0.25, 0.27, 0.24), ()), ((1, 4, 1), ("pitch",)), ((4, 4, 1), AXES[:2])],
+)
+def test_inertias_that_differ_by_one_factor_are_plausible(
+    ratios: tuple[float, ...], axes: tuple[str, ...]
+) -> None:
+    """The thrust gain or the time is wrong, not three inertias."""
+    assert implausible_inertias(with_ratios(1, *ratios)) == axes
 
 
 def test_an_implausible_inertia_gets_a_narrow_prior_at_the_thrust_gain_of_the_others() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from heli3dof.axes import AXES
 from heli3dof.report.text.diagnosis_summary import diagnosis_summary
 from tests.golden.commands import KEPT
 
@@ -51,6 +52,23 @@ def test_wrong_numbers_in_the_profile_are_to_be_updated_first() -> None:
     document = {**deepcopy(kept("diagnose.json")), "verdict": "off_calibration", "findings": []}
     document["model"] = "m.json"
     assert "heli3dof profile update --from m.json" in diagnosis_summary(document)[-1]
+
+
+@pytest.mark.parametrize(
+    ("factors", "stated"),
+    [((0.25, 0.26, 0.24), "multiplied by 2.00"), ((0.25, 0.25, 1.0), ""), ((0.9, 0.9, 0.9), "")],
+)
+def test_a_common_factor_of_all_inertias_may_be_the_time(
+    factors: tuple[float, ...], stated: str
+) -> None:
+    document = {**deepcopy(kept("diagnose.json")), "verdict": "off_calibration", "findings": []}
+    document["ratios"] = [
+        {"ratio": f"K_f/J_{axis}", "nominal": 0.5, "value": 0.5 * f, "std": 0.001}
+        for axis, f in zip(AXES, factors, strict=True)
+    ]
+    text = "\n".join(diagnosis_summary(document))
+    assert ("All ratios K_f/J differ" in text) == bool(stated)
+    assert stated in text
 
 
 def test_what_several_recordings_have_is_stated_once() -> None:
