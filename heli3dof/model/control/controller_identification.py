@@ -159,8 +159,8 @@ def least_absolute_deviations(X: np.ndarray, u: np.ndarray) -> np.ndarray:
         if np.linalg.norm(c - last) < SETTLED_V * np.sqrt(len(u)):
             break
         last = c
-        weight = 1 / np.maximum(np.abs(u - U @ c), SMALLEST_V)
-        each = zip(weight.T, u.T, strict=True)
-        c = np.column_stack([np.linalg.solve((U.T * w) @ U, (U.T * w) @ x) for w, x in each])
+        root = 1 / np.sqrt(np.maximum(np.abs(u - U @ c), SMALLEST_V))
+        weighted = [(U * w[:, None], w * x) for w, x in zip(root.T, u.T, strict=True)]
+        c = np.column_stack([np.linalg.solve(A.T @ A, A.T @ b) for A, b in weighted])
     theta = Vt[full].T @ (c / s[full, None])
     return np.asarray(theta / scale[:, None])
