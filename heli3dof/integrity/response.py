@@ -56,6 +56,17 @@ class Response:
     """R² of the regression: share of the variance of ∫ φ̈ q that the model explains"""
     drive: float
     """rad/s², standard deviation of ∫ φ u, the acceleration that the profile predicts"""
+    gravity: tuple[float, float] = (0.0, 0.0)
+    """c_1, c_2 in rad/s²"""
+
+    @property
+    def level_rad(self) -> float:
+        """Return, for roll, the logged angle (rad) at which gravity acts most: the level angle.
+
+        c_1 cos r + c_2 sin r is −A cos(r − level) with A > 0.
+        """
+        c_1, c_2 = self.gravity
+        return float(np.arctan2(-c_2, -c_1))
 
     @property
     def t(self) -> float:
@@ -214,4 +225,6 @@ def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
         C = G[lag:].T @ G[:-lag]
         W += (1 - lag / (LAGS + 1)) * (C + C.T)
     variance = float((inverse @ W @ inverse)[0, 0])
-    return Response(float(c[0]), float(np.sqrt(max(variance, 0.0))), 1 - noise / spread**2, drive)
+    std = float(np.sqrt(max(variance, 0.0)))
+    gravity = (float(c[2]), float(c[3]))
+    return Response(float(c[0]), std, 1 - noise / spread**2, drive, gravity)

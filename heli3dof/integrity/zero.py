@@ -8,6 +8,8 @@ five samples. The check reports this fault if all of these hold:
 - |r(0)| < `NEAR`, and no sample is below r(0) − `NEAR`.
 - At least half of the samples are above r(0) + `NEAR`. The median of these is at least `SHARE`
   |r_0|.
+- Gravity acts most at an angle nearer to −r_0 than to 0 (`Response.level_rad`). A flight that
+  starts level in mid-air and then flies at 20° meets the other conditions, too.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ def zero(view: View) -> Iterable[Fault]:
     if abs(start) > NEAR or roll.min() < start - NEAR or len(raised) < 0.5 * len(roll):
         return
     hover = float(np.median(raised))
-    if hover < SHARE * abs(rest):
+    response = view.responses.get("roll")
+    if hover < SHARE * abs(rest) or (response and response.level_rad < 0.5 * abs(rest)):
         return
     size = np.degrees(start - rest)
     yield Fault(

@@ -248,6 +248,13 @@ def test_a_log_zeroed_on_the_table_is_corrected_by_the_expression_of_its_column(
     assert only(mapped).fix == "import the log with --map 'roll_rad=(x[3]/2) - 0.48'"
 
 
+def test_a_flight_from_level_to_20_deg_was_not_zeroed_on_the_table() -> None:
+    """It starts at 0° and never goes below; only gravity shows where the arm is level."""
+    plan = step_plan((20.0, None, None), settle_s=0.5, duration_s=20.0)
+    r = fly_plan(plan, device="mock:?speed=max&seed=5&start=level", seed=5).recording
+    assert names(r.between(0.0, 20.0), Kind.BAD_DATA) == set()
+
+
 def test_a_flight_from_level_or_with_an_offset_was_not_zeroed_on_the_table() -> None:
     r = flight("large")
     assert names(r.between(12.0, 60.0), Kind.BAD_DATA) == set()
