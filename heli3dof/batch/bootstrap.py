@@ -51,7 +51,7 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
     rows = (drawn[:, None] * n + np.arange(n)).ravel()
     clock = recording.t[rows] - np.repeat(recording.t[drawn * n], n)
     start = np.repeat(np.arange(blocks) * (BLOCK_S + PAUSE_S), n)
-    return replace(recording.rows(rows), t=start + clock, channels={})
+    return replace(recording.rows(rows), t=start + clock, channels={}, start_s=None)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ class LoopTask:
     """s, the control period."""
     rad_per_count: FloatArray | None = None
     """(3,) rad, the steps of quantised encoders; None: ideal encoders."""
+    start_s: float = 0.0
+    """s, the time of the first period since the start of the recording."""
     opened: FloatArray | None = None
     """(N, 3), each axis' mode: 0 CLOSED, 1 LEARN, 2 OPEN (`loop_opening`); None: all closed."""
     limits: Limits = field(default_factory=Limits)

@@ -58,6 +58,8 @@ class Recording(Result):
     """Provenance (JSON-able): name, source, plan, seed, versions, hashes, outcome."""
     identified_controller: LinearController | None = None
     """Controller identified from this recording; replaces the profile's. No file contains it."""
+    start_s: float | None = None
+    """s, in a part of a recording: the time of the whole recording's first sample. None: t[0]."""
 
     def __post_init__(self) -> None:
         n = self.t.size
@@ -138,6 +140,11 @@ class Recording(Result):
         return float(self.t[-1] - self.t[0])
 
     @property
+    def elapsed_s(self) -> FloatArray:
+        """Return the time (N,) s since the first sample of the whole recording, also in a part."""
+        return self.t - (self.t[:1] if self.start_s is None else self.start_s)
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Return the axes whose angles were measured, in the order roll, pitch, yaw."""
         return tuple(a for i, a in enumerate(AXES) if not np.isnan(self.angle[:, i]).all())
@@ -205,6 +212,7 @@ class Recording(Result):
             voltage_cmd=self.voltage_cmd[keep],
             voltage_extra=self.voltage_extra[keep],
             channels={k: v[keep] for k, v in self.channels.items()},
+            start_s=self.t[0] if self.start_s is None and len(self) else self.start_s,
         )
 
 

@@ -12,7 +12,10 @@ import pytest
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import load_plan
 from heli3dof.experiment.simulate import simulate
+from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
+from heli3dof.model.control.loop_task import loop_task
+from heli3dof.model.estimation.filter_data import RowRange, data_of
 from heli3dof.model.greybox.model import GreyBoxModel, nominal
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.model_file import read_model, save_model
@@ -46,6 +49,20 @@ def test_it_predicts_the_noiseless_mock_three_seconds_ahead(still) -> None:  # t
     held = np.sqrt(np.mean(np.degrees(still.angle[1500:] - still.angle[:-1500]) ** 2, axis=0))
     assert (rms[:2] < [0.3, 0.5]).all()
     assert (rms < 0.1 * held).all()
+
+
+def test_a_part_of_a_recording_is_simulated_at_its_own_time() -> None:
+    """Predictions, the filter's input, fits to windows and replays continue a decline of thrust."""
+    model = nominal(PROFILE, ("motor.thrust_drift",), **{"motor.thrust_drift.loss_per_s": 0.004})
+    whole = simulate(load_plan("steps"), model)
+    start = len(whole) // 2
+    part = whole.rows(slice(start, None))
+    away = np.degrees(model.predict(part, 1.0) - model.predict(whole, 1.0)[start:])
+    assert np.abs(away[2000:]).max() < 0.1
+    late = whole.t[start] - whole.t[0]
+    assert flight_of(part).t[0] == pytest.approx(late)
+    assert data_of([part], [RowRange(0, 0, 100)]).t[0] == pytest.approx(late)
+    assert model.fly(loop_task(part)).t[0] == pytest.approx(late)
 
 
 def test_linearised_at_hover_the_nominal_rig_is_the_papers_hover_model() -> None:

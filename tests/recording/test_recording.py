@@ -38,6 +38,14 @@ def test_the_repr_of_many_channels_counts_those_that_it_does_not_list() -> None:
     assert len(repr(made).splitlines()) == 3
 
 
+def test_a_part_of_a_part_counts_time_from_the_whole_recordings_first_sample() -> None:
+    made = replace(flight(501), t=7.0 + 0.002 * np.arange(501))
+    part = made.between(7.2, 7.8).rows(slice(50, None))
+    np.testing.assert_allclose(part.elapsed_s, part.t - 7.0)
+    np.testing.assert_allclose(made.elapsed_s, made.t - 7.0)
+    assert not len(made.rows(slice(0, 0)).rows(slice(0, 0)).elapsed_s)
+
+
 def test_an_empty_recording_has_a_repr() -> None:
     none = recording_of_arrays(np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), open_profile())
     assert "0 samples" in repr(none)

@@ -41,7 +41,7 @@ def simulated_flight(
     logged = recording.rows(slice(0, n))
     part, at = with_loop_rows(logged)
     n = len(part)
-    t = part.t - part.t[0]
+    t = part.elapsed_s
     h = np.append(np.diff(t), profile.dt)
     read0 = np.array(part.angle[0])
     grid = np.abs(profile.encoder.rad_per_count)

@@ -214,7 +214,7 @@ def flight_of(recording: Recording) -> Flight:
     h = np.append(np.diff(r.t), r.dt)
     measured = np.asarray(np.isfinite(r.angle).any(axis=0))
     return Flight(
-        r.t - r.t[0], h, hold_last(r.voltage), r.angle, measured,
+        r.elapsed_s, h, hold_last(r.voltage), r.angle, measured,
         table_of(r)[0], k[count[k + n] == count[k]], starts_on_table(r),
     )  # fmt: skip
 

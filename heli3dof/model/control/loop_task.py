@@ -51,6 +51,7 @@ def loop_task(recording: Recording) -> LoopTask:
         v_max=profile.motor.v_max,
         dt=profile.dt,
         rad_per_count=profile.encoder.rad_per_count,
+        start_s=float(recording.elapsed_s[0]),
     )
 
 

@@ -117,7 +117,7 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
         h = np.where(np.abs(h - typical) < 2e-3 * typical, typical, h)
         y = rec.angle[rows].copy()
         y[: run.start - start] = np.nan
-        v, t = mean_voltage(rec)[rows], t - rec.t[0]
+        v, t = mean_voltage(rec)[rows], rec.elapsed_s[rows]
         if start == 0 and starts_on_table(rec):
             # One row of zero voltage before the first: the rotors start at standstill.
             t, h = np.append(t[0] - h[0], t), np.append(h[0], h)

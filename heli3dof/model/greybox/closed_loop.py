@@ -112,7 +112,7 @@ def fly(
     p, c = controller_arrays(task.controller, task.V_o, task.v_max, task.dt, read0)
     angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     h = np.full(N, task.dt) if t is None else np.append(np.diff(t), task.dt)
-    t = task.dt * np.arange(N, dtype=float) if t is None else t
+    t = task.start_s + task.dt * np.arange(N, dtype=float) if t is None else t
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
     _fly_compiled(

@@ -173,7 +173,7 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
     V = np.ascontiguousarray(mean_voltage(recording))
-    t = recording.t - recording.t[0]
+    t = recording.elapsed_s
     h = np.append(np.diff(t), recording.dt)
     low, table = table_of(recording)
     off = ~table & np.isfinite(y).any(axis=1)
