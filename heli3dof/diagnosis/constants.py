@@ -22,8 +22,3 @@ MAX_CAUSES = 4
 """Most causes of a diagnosis, or confounded causes simulated for a plan. Chosen."""
 MAX_COMPARED = 3
 """Most causes, torques or terms that one step compares or adds: each costs full fits. Chosen."""
-MIN_INFORMATION_SHARE = 1e-6
-"""Least share of an effect's information that must remain with the fit's parameters projected out:
-with less, these parameters change the readings as the effect does."""
-ACCURACY_S = 0.05
-"""s, accuracy of an instant: half the time in which an added mass takes effect."""

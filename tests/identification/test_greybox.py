@@ -217,3 +217,13 @@ def test_a_lag_at_its_least_value_is_no_compensation_of_another_effect() -> None
     poles, _, _ = linear_quantities(fit, 0.002)
     assert len(poles) == 6
     assert max(abs(p.value) for p in poles) < 1.0
+
+
+def test_the_fit_finds_the_instant_of_a_change_of_mass() -> None:
+    """From the default start, at time 0, the likelihood has a local maximum without the mass."""
+    device = "mock:?speed=max&seed=3&hide=mass.change:0.05@12"
+    recording = flown("levels", 22.0, device=device, seed=3)
+    found = fit_greybox(recording, ["mass.change"])
+    mass, instant = found.values[-2:]
+    assert instant == pytest.approx(12.0, abs=0.2)
+    assert mass == pytest.approx(0.05, rel=0.1)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import MAX_CAUSES, MAX_COMPARED, MIN_INFORMATION_SHARE
+from heli3dof.diagnosis.constants import MAX_CAUSES, MAX_COMPARED
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     carried_over,
@@ -32,6 +32,7 @@ from heli3dof.diagnosis.search.catalogue import Probe, candidates, probes
 from heli3dof.diagnosis.search.nulls import bonferroni
 from heli3dof.diagnosis.search.screening import one_sided
 from heli3dof.identification.bias_correction.perturbation import project_out
+from heli3dof.identification.bias_correction.scans import MIN_INFORMATION_SHARE
 from heli3dof.identification.greybox.multistep import (
     MultiStep,
     MultiStepFit,

@@ -11,7 +11,7 @@ not exceed that of the current fit, the fit is repeated from a size near zero. T
 that the score test cannot detect starts at the best value on its grid.
 
 A periodic torque may have another phase in each of R recordings. So the recordings are shifted in
-time until the torque has one phase in all (`search.scans`). The R − 1 shifts count as
+time until the torque has one phase in all (`bias_correction.scans`). The R − 1 shifts count as
 parameters. Nothing is shifted if the current fit already contains the phase of a periodic torque or
 the instant of a mass change.
 

@@ -4,7 +4,7 @@ A *term* is an effect on one of its axes, or an effect without axes. A *probe* i
 of its parameters, at which the score test (`search.score_test`) evaluates it. One small value is
 enough for an effect that is proportional to its parameter (friction, stiffness, torque). An effect
 whose shape depends on its parameters (lag, limit, dead zone) has several probes. A frequency or an
-instant is scanned instead (`search.scans`).
+instant is scanned instead (`bias_correction.scans`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.search.scans import Frequencies, Instants, Scan
+from heli3dof.identification.bias_correction.scans import Frequencies, Instants, Scan
 from heli3dof.model.effects import Term, effects
 from heli3dof.model.effects.base import SMALL, Effect
 

@@ -1,8 +1,8 @@
 """Standardise the scores z of the score test by simulated nulls, and compute the threshold of Z².
 
 A *probe* is an effect with trial values of its parameters (`search.catalogue`). A *scan* tests a
-torque at all frequencies or instants, and its z is the largest (`search.scans`). There are P scores
-z: one for each probe and each scan.
+torque at all frequencies or instants, and its z is the largest (`bias_correction.scans`). There are
+P scores z: one for each probe and each scan.
 
 *Nulls* are B flights simulated from the fit, with the recordings' references and controller. Their
 scores contain the bias that encoder quantisation and feedback cause. Each score z is standardised:

@@ -24,10 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.axes import AXES
-from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
 from heli3dof.diagnosis.search.catalogue import Probe
-from heli3dof.diagnosis.search.scans import Scan
 from heli3dof.identification.bias_correction.evaluation import Evaluation
 from heli3dof.identification.bias_correction.perturbation import (
     MOVES_THRUST,
@@ -36,8 +33,13 @@ from heli3dof.identification.bias_correction.perturbation import (
     forward,
     misreading,
 )
+from heli3dof.identification.bias_correction.scans import (
+    MIN_INFORMATION_SHARE,
+    Scan,
+    unit_acceleration,
+)
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.model.effects import Term, term
+from heli3dof.model.effects import Term
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.state_layout import Stage
 
@@ -89,7 +91,7 @@ class Screen:
         testable = v > MIN_INFORMATION_SHARE * np.maximum(full, LEAST_INFORMATION)
         self.v = np.where(testable, v, np.inf)
         self.scan_informations = [
-            s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans
+            s.information(recorded, self._unit(recorded, s), A) for s in self.scans
         ]
 
     @property
@@ -131,7 +133,7 @@ class Screen:
         z, amplitude = [*(u / root)], [*(u / self.v * size)]
         probes = list(self.plain)
         for scan, information in zip(self.scans, self.scan_informations, strict=True):
-            unit = self._unit(evaluation, scan.term)
+            unit = self._unit(evaluation, scan)
             peak_z, values, time_shifts = scan.peak(evaluation, L[0], unit, information)
             z.append(peak_z)
             amplitude.append(values[0])
@@ -164,18 +166,8 @@ class Screen:
             m, m0 = misreading(p, wide, sets) if Stage.MEASURE in hooks else (None, None)
             yield rows, a, m, m0
 
-    def _unit(self, evaluation: Evaluation, t: Term) -> np.ndarray:
-        """Return the accelerations (C, 3) rad/s² that a scan's unit torque causes in C chunks."""
-        p = evaluation.path
-        if t.effect.name == "mass.change":
-            unit: tuple[float, ...] = (1.0, -1.0)
-        else:
-            t = term(f"disturbance.periodic.{AXES[t.axis_index]}")
-            unit = (1.0, 0.0, np.pi / 2)
-        wide, null = with_term(self.problem.structure, self.values, t)
-        values = null.copy()
-        values[len(self.values) :] = unit
-        return np.asarray(forcing(p, wide, [values], [False])[0])
+    def _unit(self, evaluation: Evaluation, scan: Scan) -> np.ndarray:
+        return unit_acceleration(evaluation, self.problem.structure, self.values, scan.term)
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:

@@ -27,7 +27,6 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.constants import MIN_INFORMATION_SHARE
 from heli3dof.diagnosis.search.catalogue import candidates, probes
 from heli3dof.diagnosis.search.score_test import Screen
 from heli3dof.diagnosis.unmodelled.residual_torque import (
@@ -50,6 +49,7 @@ from heli3dof.identification.bias_correction.correction import (
 )
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.bias_correction.perturbation import Path, path, project_out
+from heli3dof.identification.bias_correction.scans import MIN_INFORMATION_SHARE
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.model.estimation.ekf_quantised import FilterRun

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import ACCURACY_S
+from heli3dof.identification.bias_correction.scans import ACCURACY_S
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import Data, data_of

@@ -6,5 +6,6 @@
 - `evaluation`: the likelihood's score and information
 - `perturbation`: how a small change of the model changes the filter's predictions; `evaluation`
   uses it (compiled loops: `perturbation_passes`)
+- `scans`: the score of a torque at every frequency or instant
 - `coloured_noise`: how much coloured noise increases the parameters' variances
 """

@@ -140,8 +140,11 @@ def estimate(
 
     ``problem`` is the likelihood of the recordings. ``noise`` (4,) is the initial process noise on
     roll, pitch, yaw (rad/s²/√Hz) and jitter (s); None: defaults. If the search does not converge,
-    it is repeated from other parameter values.
+    it is repeated from other parameter values. Without ``start``, the search for the instant of a
+    change starts where the score is largest (`bias_correction.scans`).
     """
+    if start is None:
+        start, noise = _start_at_instants(problem, noise)
     if any(t.effect.starts for t in problem.structure.terms):
         start, noise = _likeliest_start(
             problem, problem.prior_mean if start is None else start, noise
@@ -156,6 +159,29 @@ def estimate(
             if (other.converged, other.loglik) > (best.converged, best.loglik):
                 best = other
     return Estimate(problem, best)
+
+
+def _start_at_instants(
+    problem: Likelihood, noise: np.ndarray | None
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Return the start (n,) and ``noise`` (4,) of a fit whose terms include changes at an instant.
+
+    The other terms are fitted first. Without such terms, returns (None, ``noise``).
+    """
+    from heli3dof.identification.bias_correction.scans import likeliest_instant
+
+    structure = problem.structure
+    changes = [t for t in structure.terms if t.effect.scan == "instant"]
+    if not changes:
+        return None, noise
+    others = tuple(t for t in structure.terms if t not in changes)
+    rest = replace(problem, structure=replace(structure, terms=others))
+    base = estimate(rest, noise=noise)
+    values = dict(zip(rest.structure.names, base.values, strict=True))
+    for t in changes:
+        found = likeliest_instant(rest, base.theta, base.optimum.noise, t)
+        values |= {f"{t.name}.{p.name}": v for p, v in zip(t.effect.parameters, found, strict=True)}
+    return problem.scaled(structure.values_of(values)), base.optimum.noise
 
 
 def _likeliest_start(

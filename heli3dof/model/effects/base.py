@@ -113,7 +113,7 @@ class Effect:
             at these quantiles of the recorded |voltage|.
         scan: ``frequency`` if the second parameter is a frequency, ``instant`` if it is the time of
             a change. A diagnosis then evaluates the score at all values of this parameter
-            (`heli3dof.diagnosis.search.scans`).
+            (`heli3dof.identification.bias_correction.scans`).
 
     An effect without parameters is a switch; a diagnosis does not report it.
     """

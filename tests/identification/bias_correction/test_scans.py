@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.search.scans import Frequencies, as_one_recording
+from heli3dof.identification.bias_correction.scans import Frequencies, as_one_recording
 from heli3dof.model.effects import term
 
 T, SIZE = np.arange(0.0, 40.0, 0.02), 3.0

@@ -1,9 +1,9 @@
 """Score test of a torque at every frequency (one Fourier transform) or instant (one running sum).
 
 Time is divided into C short chunks. L (C, 3) is the derivative of the log-likelihood with respect
-to the acceleration of each axis in each chunk. The base parameters are projected out
-(`search.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a
-sum over the axes, is the efficient score of a unit torque at time t.
+to the acceleration of each axis in each chunk. The base parameters are projected out (see
+`diagnosis.search.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s².
+λ(t) = L·e, a sum over the axes, is the efficient score of a unit torque at time t.
 
     u(f) = Σ λ(t) exp(i 2π f t)      score; real part: cosine torque, imaginary part: sine torque
     u(t_0) = Σ_{t ≥ t_0} λ(t)        score of a torque that starts at t_0
@@ -24,11 +24,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import ACCURACY_S, MIN_INFORMATION_SHARE
-from heli3dof.identification.bias_correction.evaluation import Evaluation
-from heli3dof.identification.bias_correction.perturbation import forward
-from heli3dof.model.effects import Term
+from heli3dof.axes import AXES
+from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
+from heli3dof.identification.bias_correction.perturbation import backward, forcing, forward
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.model.effects import Term, term
+from heli3dof.model.physics.parametrisation import Structure
 
+MIN_INFORMATION_SHARE = 1e-6
+"""Least share of an effect's information that must remain with the fit's parameters projected out:
+with less, these parameters change the readings as the effect does."""
+ACCURACY_S = 0.05
+"""s, accuracy of an instant: half the time in which an added mass takes effect."""
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 """Limits of the scanned frequencies. The lowest is raised until the recordings contain two periods.
 Chosen; not derived."""
@@ -166,3 +173,33 @@ class Instants:
 
 Scan = Frequencies | Instants
 """A score test of one term at all values of its frequency or instant"""
+
+
+def unit_acceleration(
+    evaluation: Evaluation, structure: Structure, values: np.ndarray, t: Term
+) -> np.ndarray:
+    """Return the accelerations (C, 3) rad/s² that a scan's unit torque causes in C chunks."""
+    if t.effect.name == "mass.change":
+        unit: tuple[float, ...] = (1.0, -1.0)
+    else:
+        t = term(f"disturbance.periodic.{AXES[t.axis_index]}")
+        unit = (1.0, 0.0, np.pi / 2)
+    wide = structure.with_terms(t)
+    return np.asarray(forcing(evaluation.path, wide, [np.append(values, unit)], [False])[0])
+
+
+def likeliest_instant(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, t: Term
+) -> tuple[float, ...]:
+    """Return the parameters of the term ``t`` at the instant with the largest score.
+
+    ``problem``: the likelihood without ``t``, with its largest value at the scaled parameters
+    ``theta`` (n,) and the ``noise`` (4,).
+    """
+    e = evaluate(problem, theta, noise, with_noise_derivatives=False)
+    A = e.H + np.diag(problem.prior_precision)
+    g = e.g - problem.prior_precision * (theta - problem.prior_mean)
+    L, _, _ = backward(e.path, (e.at.g - e.at.w * (np.linalg.solve(A, g) @ e.T))[None])
+    unit = unit_acceleration(e, problem.structure, problem.values(theta), t)
+    scan = Instants(t)
+    return scan.peak(e, L[0], unit, scan.information(e, unit, A))[1]
