@@ -271,6 +271,20 @@ def causes(document: Document) -> Iterator[str]:
         yield text
 
 
+def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
+    """Return the size of a cause's parameter ``key``, and its standard deviation; "" if counted.
+
+    >>> size_and_std("torque_Nm", {"value": 0.03012, "std": 0.00042})
+    ('0.03012', '0.00042')
+    >>> size_and_std("lost_share", {"value": 0.03977, "std": 0.017})
+    ('0.03977', '')
+    """
+    value, std = estimate["value"], estimate["std"]
+    if key == "lost_share":
+        return significant(value), ""
+    return significant(value, std), significant(std, std)
+
+
 def untested(document: Document, finding: Document) -> bool:
     """Return True if a finding is unconfirmed only because quick mode left the test out."""
     return bool(finding.get("like") and document.get("about", {}).get("causes_untested"))
