@@ -17,9 +17,9 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.integrity.remedies import column_of, is_log, operand
+from heli3dof.integrity.remedies import column_of, is_log
 from heli3dof.integrity.view import View
-from heli3dof.recording.logs.known_names import as_options
+from heli3dof.recording.logs.known_names import as_options, operand
 from heli3dof.recording.recording import Recording
 
 COUNTS = 16

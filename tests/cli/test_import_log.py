@@ -87,10 +87,15 @@ def test_common_names_of_a_csv_are_suggested_as_options(tmp_path: Path) -> None:
         ("v_front_V=input[3]", 2, "names 'input[3]'", "input[1], input[2]"),
         ("v_frnt_V=input[1]", 2, "no column v_frnt_V", "--map OUR_COLUMN"),
         ("v_front_V=(input[1]", 2, "is not an expression", "parentheses"),
-        ("v_front_V=1000*input[1]", 5, "v_front_V reaches", "convert it to volts"),
+        (
+            "v_front_V=1000*input[1]",
+            5,
+            "v_front_V reaches",
+            "--map 'v_front_V=(1000*input[1])/1000'",
+        ),
         ("roll_rad=degrees(x_enc[1])", 5, "roll_rad does not look like radians", "--map roll_deg="),
         ("yaw_rad=777.7*x_enc[1]", 5, "yaw_rad does not look like radians", "--map yaw_deg="),
-        ("t_s=1000*t_s", 5, "t_s is in milliseconds", "--map t_s=t_s/1000"),
+        ("t_s=1000*t_s", 5, "t_s is in milliseconds", "--map 't_s=(1000*t_s)/1000'"),
     ],
 )
 def test_a_wrong_mapping_is_refused_with_its_correction(

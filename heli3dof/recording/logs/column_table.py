@@ -15,7 +15,7 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, nearest
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.known_names import as_options, suggest
+from heli3dof.recording.logs.known_names import as_options, operand, suggest
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.log_columns import ANGLE_UNITS, ANGLES, KNOWN, REQUIRED, VOLTAGES
 from heli3dof.rig.profile import Profile
@@ -59,12 +59,15 @@ def recording_from_table(
     for name in sorted(KNOWN & columns.keys()):
         log_validation.check_finite(table.source, name, columns[name], table.where)
     t = columns["t_s"]
-    warnings += log_validation.check_sampling_times(table.source, t, profile.dt, table.where)
+    warnings += log_validation.check_sampling_times(
+        table.source, t, profile.dt, table.where, _logged(table, "t_s")
+    )
     if check_values:
         warnings += log_validation.check_voltages(
-            table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
-        )
-        warnings += angle_units.check_angles(table.source, columns, profile)
+            table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max,
+            (_logged(table, "v_front_V"), _logged(table, "v_back_V")),
+        )  # fmt: skip
+        warnings += angle_units.check_angles(table.source, columns, profile, table.origins)
     if profile.controller_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
         warnings.append(
             "The profile has a [controller], but the log has no reference: the closed loop cannot "
@@ -123,6 +126,11 @@ def check_names(table: Table, rate_hz: float) -> None:
                     cause="the logging program wrote the same angle twice.",
                     fix=f"remove one of the two columns, or rename one (raw_{both[1]})",
                 )
+
+
+def _logged(table: Table, column: str) -> str:
+    """Return the expression that computed a ``column``, as a part of another expression."""
+    return operand(table.origins.get(column, column))
 
 
 def _expression(column: str, rate_hz: float) -> str:

@@ -25,11 +25,6 @@ PARTNERS = 0.5
 sample at the same instant (`SAME_INSTANT`) in every other log (a convention)"""
 
 
-def rises(values: np.ndarray) -> bool:
-    """Return True if values (N,) are finite and increase, as a clock does."""
-    return bool(np.isfinite(values).all() and (np.diff(values) > 0).all())
-
-
 def with_clock(table: Table) -> Table:
     """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock.
 

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from heli3dof.errors import quoted
-from heli3dof.recording.logs.joined_tables import rises
 from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
 
 TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
@@ -38,6 +37,11 @@ REFERENCE = re.compile(r"ref(erence)?|des(ired)?|cmd|command(ed)?|sp|set_?point"
 UNIT = re.compile(
     r"[\s_(\[]*(°|\b(?:deg|degrees?|rad|radians?|v|volts?|m?s|m?sec))[)\]]*$", re.IGNORECASE
 )
+
+
+def rises(values: np.ndarray) -> bool:
+    """Return True if values (N,) are finite and increase, as a clock does."""
+    return bool(np.isfinite(values).all() and (np.diff(values) > 0).all())
 
 
 def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
@@ -77,6 +81,16 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
 def as_options(mapping: Mapping[str, str]) -> str:
     """Return ``mapping``, column → expression, as ``--map`` options that are quoted for a shell."""
     return " ".join(f"--map {quoted(f'{name}={text}')}" for name, text in mapping.items())
+
+
+def operand(expression: str) -> str:
+    """Return an expression as a part of another one: in parentheses, unless it is a name.
+
+    >>> operand("enc[1]"), operand("Vs-Vd")
+    ('enc[1]', '(Vs-Vd)')
+    """
+    is_name = re.fullmatch(r"[^\W\d][\w.]*(\[\d+\])?", expression)
+    return expression if is_name else f"({expression})"
 
 
 def _key(name: str) -> tuple[str, str | None]:

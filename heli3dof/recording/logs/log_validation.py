@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.logs.known_names import as_options
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
@@ -119,11 +120,14 @@ def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
         )
 
 
-def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
+def check_sampling_times(
+    source: str, t: np.ndarray, period_s: float, where: Where, logged: str = "t_s"
+) -> list[str]:
     """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
-    control period. ``where``: returns a sample's position in the file as text.
+    control period. ``where``: returns a sample's position in the file as text. ``logged``: the
+    expression of the log's columns that computed t.
     """
     check_time_increases(source, t, where)
     found = timing(t)
@@ -132,7 +136,7 @@ def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Whe
             f"{source}: t_s contains whole numbers in steps of 1; the profile's period is "
             f"{period_s:.6g} s.",
             cause="t_s is the number of the sample.",
-            fix=f"divide t_s by the rate: --map t_s=t_s/{1 / period_s:g}",
+            fix="divide t_s by the rate: " + as_options({"t_s": f"{logged}/{1 / period_s:g}"}),
         )
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:
@@ -140,7 +144,7 @@ def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Whe
                 f"{source}: t_s steps by {found.period_s:.6g}; the profile's period is "
                 f"{period_s:.6g} s.",
                 cause=f"t_s is in {unit}.",
-                fix=f"divide t_s by {factor:.0f}: --map t_s=t_s/{factor:.0f}",
+                fix=f"divide t_s by {factor:.0f}: " + as_options({"t_s": f"{logged}/{factor:.0f}"}),
             )
     warnings: list[str] = []
     if abs(found.period_s / period_s - 1) > 0.02:
@@ -179,15 +183,22 @@ def hidden_jitter_warnings(
     ]
 
 
-def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
+def check_voltages(
+    source: str,
+    front: np.ndarray,
+    back: np.ndarray,
+    v_max: float,
+    logged: tuple[str, str] = ("v_front_V", "v_back_V"),
+) -> list[str]:
     """Check voltages against the limit ``v_max`` (V); return warnings.
 
     Raises RecordingError for voltages above 20 times the limit.
 
-    ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name.
+    ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name; ``logged``:
+    the expressions of the log's columns that computed the two voltages.
     """
     warnings, beyond = list[str](), list[str]()
-    for name, v in (("v_front_V", front), ("v_back_V", back)):
+    for name, v, expression in zip(("v_front_V", "v_back_V"), (front, back), logged, strict=True):
         top = float(np.abs(v).max())
         command = f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:
@@ -195,7 +206,8 @@ def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: floa
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
                 cause="millivolts or DAC counts instead of volts, or the command instead of the "
                 "limiter's output.",
-                fix=f"convert it to volts: --map {name}={name}/1000; rename a command to {command}",
+                fix=f"convert it to volts: {as_options({name: f'{expression}/1000'})}; rename a "
+                f"command to {command}",
             )
         if top > 1.001 * v_max:
             beyond.append(f"{name} reaches {top:.4g} V")
