@@ -121,6 +121,7 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
         clock = minus(f"from {start:g} s, every {period:g} s (median)")
     n = found["samples"]
     yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
+    yield from found["notes"]
     for text in found["ignored"]:
         yield f"Ignored: {text}"
 

@@ -19,6 +19,7 @@ from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.remedies import is_log
 from heli3dof.integrity.view import View
 from heli3dof.recording.gap_filling import HOLE_S
+from heli3dof.recording.logs.log_validation import MAX_LOST_SHARE
 
 SHARE, LEAST = 5e-4, 5
 """Least share and number of lost samples of a finding; fewer are a note. Chosen."""
@@ -32,8 +33,6 @@ FLOWN = (
     "periods were late or missed",
 )
 """Cause and remedy for a log of another program, and for a recording of heli3dof"""
-BAD_SHARE = 0.3
-"""Share above which the recording is bad data. Chosen."""
 
 
 def gaps(view: View) -> Iterable[Fault]:
@@ -64,7 +63,7 @@ def gaps(view: View) -> Iterable[Fault]:
     if incomplete:
         parts.append(f"{incomplete} of them are rows with a value that is not finite")
     yield Fault(
-        "timing.gaps", Kind.BAD_DATA if share > BAD_SHARE else kind, r.name,
+        "timing.gaps", Kind.BAD_DATA if share > MAX_LOST_SHARE else kind, r.name,
         f"{r.name}: {', '.join(parts)}.", *(LOGGED if is_log(r) else FLOWN),
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,

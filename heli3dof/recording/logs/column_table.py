@@ -7,6 +7,7 @@ radians.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def recording_from_table(
 
     * a missing required column, or no angle at all
     * an angle both in degrees and in radians, or in another unit than its name states
-    * fewer than ten samples, or a value that is not finite
+    * fewer than ten samples, or values that are not finite in over 30 % of them
     * time that does not increase or is not in seconds
     """
     check_names(table, profile.loop.rate_hz)
@@ -56,8 +57,19 @@ def recording_from_table(
             f"(its columns: {_listed(columns)}).",
             fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
-    for name in sorted(KNOWN & columns.keys()):
-        log_validation.check_finite(table.source, name, columns[name], table.where)
+    known = {name: columns[name] for name in sorted(KNOWN & columns.keys())}
+    lost = log_validation.lost_rows(table.source, known, table.where)
+    if lost.any():
+        k = int(np.argmax(lost))
+        name = next(name for name, values in known.items() if not np.isfinite(values[k]))
+        warnings.append(
+            f"{lost.sum()} of {len(lost)} rows have a value that is not finite and were left out "
+            f"as lost samples; the first is {table.where(k)}, column {name}."
+        )
+        kept = np.flatnonzero(~lost)
+        columns = {name: values[kept] for name, values in columns.items()}
+        where = table.where
+        table = replace(table, where=lambda k: where(int(kept[k])))
     t = columns["t_s"]
     warnings += log_validation.check_sampling_times(
         table.source, t, profile.dt, table.where, _logged(table, "t_s")

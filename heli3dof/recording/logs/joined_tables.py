@@ -90,6 +90,7 @@ def join(tables: Sequence[Table]) -> Table:
         first.origins,
         [text for table in tables for text in table.ignored],
         paths,
+        [f"{table.source}: {text}" for table in tables for text in table.notes],
     )
 
 

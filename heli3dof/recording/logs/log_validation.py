@@ -6,7 +6,7 @@ which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
 """Smallest number of samples in a log (a convention)"""
+MAX_LOST_SHARE = 0.3
+"""Largest share of lost samples in a usable recording. Chosen."""
 JITTER = 0.02
 """RMS scatter of the intervals, as a share of the period, above which there is a warning (a
 convention)"""
@@ -26,21 +28,23 @@ Where = Callable[[int], str]
 """Returns the position of sample k in the log, for messages: ``line 12``"""
 
 
-def check_finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite.
+def lost_rows(source: str, columns: Mapping[str, np.ndarray], where: Where) -> np.ndarray:
+    """Return (N,) bool: the rows with a value that is not finite, which count as lost samples.
 
-    ``source``: the log's name; ``where``: returns a sample's position in the file as text.
+    ``source``: the log's name; ``where``: returns a sample's position in the file as text. Raises
+    RecordingError if their share exceeds `MAX_LOST_SHARE`.
     """
-    bad = ~np.isfinite(values)
-    if not bad.any():
-        return
-    k = int(np.argmax(bad))
-    kind = "no number" if np.isnan(values[k]) else "infinity"
-    count = int(bad.sum())
+    finite = {name: np.isfinite(values) for name, values in columns.items()}
+    lost = ~np.logical_and.reduce(list(finite.values()))
+    if lost.mean() <= MAX_LOST_SHARE:
+        return np.asarray(lost)
+    name = min(finite, key=lambda n: finite[n].sum())
+    k, count = int(np.argmin(finite[name])), int((~finite[name]).sum())
+    kind = "no number" if np.isnan(columns[name][k]) else "infinity"
     raise RecordingError(
         f"{source}: {where(k)}, column {name}: {kind}"
         + (f" (and {count - 1} more in this column)." if count > 1 else "."),
-        cause="a lost sample, a sensor that was not read, or a division by zero.",
+        cause="a sensor that was not read, or signals with different sample times.",
         fix="remove these rows (gaps in time are allowed) or the whole column",
     )
 
