@@ -31,6 +31,7 @@ VERDICTS = {
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
+NOT_IMPORTED = "The log cannot be imported as it is."
 WITH_REFIT = "The causes below and refitted parameters explain the simulation error."
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
@@ -75,6 +76,8 @@ def verdict(document: Document) -> str:
     """Return a diagnosis' verdict and what it means, in one to three sentences."""
     word = str(document["verdict"])
     meaning = WITH_REFIT if word == "explained" and refit_explains(document) else VERDICTS[word]
+    if _is_refused(document):
+        meaning = NOT_IMPORTED
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
@@ -86,6 +89,12 @@ def verdict(document: Document) -> str:
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def _is_refused(document: Document) -> bool:
+    """Return True if the recordings are bad data only because heli3dof cannot import a log."""
+    bad = [f["check"] for f in document.get("integrity", ()) if f["kind"] == "bad_data"]
+    return bool(bad) and set(bad) == {"log.refused"}
 
 
 def noise_is_unknown(document: Document) -> bool:
@@ -496,7 +505,11 @@ def _fly(document: Document, plan: str) -> str:
 def next_steps(document: Document) -> Iterator[str]:
     """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
-        yield "Correct the log or record again, then run heli3dof diagnose again."
+        yield (
+            "Import the log as stated above, then diagnose the recording."
+            if _is_refused(document)
+            else "Correct the log or record again, then run heli3dof diagnose again."
+        )
         return
     if document["verdict"] == "off_calibration":
         yield from _profile_update(document)
