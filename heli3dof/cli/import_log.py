@@ -57,7 +57,8 @@ def import_log(
 ) -> None:
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
-    from heli3dof.errors import UsageError, quoted
+    from heli3dof.cli.inputs import name_files
+    from heli3dof.errors import RecordingError, UsageError, quoted
     from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.info import summary
     from heli3dof.recording.logs.column_mapping import parse_mapping
@@ -82,7 +83,11 @@ def import_log(
     out.show(*_lines(found))
     if given:
         out.show(*_profile_table(given, profile))
-    recording = recording_of(log)
+    try:
+        recording = recording_of(log)
+    except RecordingError as error:
+        name_files(error, logs, profile, output, given)
+        raise
     for warning in recording.meta.get("warnings", ()):
         out.warn(warning)
     about = summary(recording)

@@ -77,6 +77,11 @@ def test_common_names_of_a_csv_are_suggested_as_options(tmp_path: Path) -> None:
     options = ("--map v_front_V=Vf", "--map v_back_V=Vb", "--map roll_deg=elevation_deg")
     assert done.code == 5
     assert all(option in done.err for option in options)
+    named = f"import {tmp_path / 'log.csv'} --profile {RIG} -o log.mcap --map"
+    assert named in done.err
+    assert named in heli3dof("identify", tmp_path / "log.csv", "--profile", RIG).err
+    refused = heli3dof("diagnose", tmp_path / "log.csv", "--profile", RIG)
+    assert "Verdict: bad data. The log cannot be imported as it is." in refused.out + refused.err
     words = " ".join(options).split()
     assert heli3dof("import", tmp_path / "log.csv", "--profile", RIG, *words).code == 0
 

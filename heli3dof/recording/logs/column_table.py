@@ -16,7 +16,7 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, nearest
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.known_names import as_options, operand, suggest
+from heli3dof.recording.logs.known_names import IMPORT, as_options, operand, suggest
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.log_columns import ANGLE_UNITS, ANGLES, KNOWN, REQUIRED, VOLTAGES
 from heli3dof.rig.profile import Profile
@@ -164,9 +164,9 @@ def _map_options(table: Table, example: str) -> str:
     if found:
         missing = [n for n in REQUIRED if n not in found and n not in table.columns]
         more = f" and a --map for {', '.join(missing)}" if missing else ""
-        return f"heli3dof import … {as_options(found)}{more}; check units and signs in its preview"
+        return f"check units and signs in the preview of {IMPORT} {as_options(found)}{more}"
     return (
-        f"heli3dof import … --map '{example}', with names of the log's columns, such as "
+        f"{IMPORT} --map '{example}', with names of the log's columns, such as "
         "(Vs-Vd)/2 or 57.3*x[5]"
     )
 

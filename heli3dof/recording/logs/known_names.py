@@ -18,6 +18,8 @@ from heli3dof.errors import quoted
 from heli3dof.recording.logs.importer import Table
 from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
 
+IMPORT = "heli3dof import …"
+"""Start of a suggested command; the command line completes it (`cli.inputs.name_files`)"""
 TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
         "tms": "/1000", "ms": "/1000", "milliseconds": "/1000"}  # fmt: skip
 TIME_UNITS = {"s": "", "ms": "/1000"}

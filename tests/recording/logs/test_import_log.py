@@ -255,7 +255,7 @@ def test_an_unusable_log_is_refused_with_its_place(tmp_path: Path, content, mess
             },
             "no column t_s, v_front_V, v_back_V",
             "--map 't_s=Zeit [ms]/1000' --map 'roll_deg=Elevation [°]' and a --map for v_front_V, "
-            "v_back_V;",
+            "v_back_V",
         ),
     ],
 )  # fmt: skip
