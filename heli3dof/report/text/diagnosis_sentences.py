@@ -32,6 +32,7 @@ VERDICTS = {
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
 NOT_IMPORTED = "The log cannot be imported as it is."
+ONLY_COUNTED = "Only lost samples were found; the fit predicts over them."
 WITH_REFIT = "The causes below and refitted parameters explain the simulation error."
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
@@ -40,6 +41,8 @@ LISTED = 6
 """Largest number of names that a sentence lists; of further names it gives only the number."""
 NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
+COUNTED = "lost_share"
+"""Parameter that is counted, and so has no uncertainty"""
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
@@ -78,6 +81,8 @@ def verdict(document: Document) -> str:
     meaning = WITH_REFIT if word == "explained" and refit_explains(document) else VERDICTS[word]
     if _is_refused(document):
         meaning = NOT_IMPORTED
+    if word == "explained" and all(map(is_counted, document["findings"])):
+        meaning = ONLY_COUNTED
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
@@ -280,6 +285,11 @@ def causes(document: Document) -> Iterator[str]:
         yield text
 
 
+def is_counted(finding: Document) -> bool:
+    """Return True if the size of a finding is counted, not estimated: the share of lost samples."""
+    return set(finding["parameters"]) == {COUNTED}
+
+
 def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
     """Return the size of a cause's parameter ``key``, and its standard deviation; "" if counted.
 
@@ -289,7 +299,7 @@ def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
     ('0.03977', '')
     """
     value, std = estimate["value"], estimate["std"]
-    if key == "lost_share":
+    if key == COUNTED:
         return significant(value), ""
     return significant(value, std), significant(std, std)
 

@@ -85,7 +85,7 @@ def causes(document: Document) -> Iterator[str]:
         for key, estimate in f["parameters"].items():
             parameter, unit = split_unit(key)
             value, std = words.size_and_std(key, estimate)
-            size = f"{value} ± {std}" if std else f"{value} (counted)"
+            size = f"{value} ± {std}" if std else value
             sizes.append(f"{parameter.replace('_', ' ')} {size}{' ' * bool(unit)}{unit}")
         untested = words.untested(document, f)
         known = f["confidence"] is not None and not untested
@@ -96,6 +96,9 @@ def causes(document: Document) -> Iterator[str]:
         )
         like = "; likely, not confirmed" if f.get("like") else ""
         like = "; not tested (--quick)" if untested else like
+        if words.is_counted(f):  # last (`heli3dof.diagnosis.result.in_order`)
+            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} (counted)."
+            continue
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
 
 
