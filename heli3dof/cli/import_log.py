@@ -56,7 +56,8 @@ def import_log(
 ) -> None:
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
-    from heli3dof.errors import UsageError, quoted
+    from heli3dof.cli.inputs import name_files
+    from heli3dof.errors import RecordingError, UsageError, quoted
     from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.info import summary
     from heli3dof.recording.logs.column_mapping import parse_mapping
@@ -85,7 +86,11 @@ def import_log(
             "[log]",
             *(f"{name} = {literal(expression)}" for name, expression in given.items()),
         )
-    recording = recording_of(log)
+    try:
+        recording = recording_of(log)
+    except RecordingError as error:
+        name_files(error, logs, profile, output, given)
+        raise
     for warning in recording.meta.get("warnings", ()):
         out.warn(warning)
     about = summary(recording)
@@ -121,6 +126,7 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
         clock = minus(f"from {start:g} s, every {period:g} s (median)")
     n = found["samples"]
     yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
+    yield from found["notes"]
     for text in found["ignored"]:
         yield f"Ignored: {text}"
 

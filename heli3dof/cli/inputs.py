@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,7 +38,11 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
                 fix=f"heli3dof compare REC... {quoted(path)}, to compare a model"
                 if is_model else f"--profile {quoted(path)}, or heli3dof run {quoted(path)}",
             )  # fmt: skip
-        recording = load(path, used)
+        try:
+            recording = load(path, used)
+        except RecordingError as error:
+            name_files(error, [path], profile)
+            raise
         for warning in recording.meta.get("warnings", ()):
             out.warn(f"{path.name}: {warning}")
         if profile is not None:
@@ -46,6 +50,24 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
             recording = replace(recording, meta=meta)
         loaded.append(recording)
     return loaded
+
+
+def name_files(
+    error: RecordingError,
+    logs: Sequence[Path],
+    profile: Path | None,
+    output: Path | None = None,
+    mapping: Mapping[str, str] | None = None,
+) -> None:
+    """Complete the import command in the fix of an ``error``: the files, and the mapping so far."""
+    from heli3dof.recording.atomic_write import stem
+    from heli3dof.recording.logs.known_names import IMPORT, as_options
+
+    options = f" --profile {quoted(profile)}" if profile else ""
+    options += f" -o {quoted(output or f'{stem(logs[0])}.mcap')}"
+    options += f" {as_options(mapping)}" if mapping else ""
+    command = f"heli3dof import {' '.join(map(quoted, logs))}{options}"
+    error.fix = error.fix.replace(IMPORT, command)
 
 
 def check_same_rig(recordings: Sequence[Recording]) -> None:

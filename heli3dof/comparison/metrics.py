@@ -17,7 +17,8 @@ Here the two are ``overshoot_deg`` and ``peak_deg``.
 
 Kinds of segment:
 
-``step``     the reference changes at its start; y_a is the previous set value.
+``step``     the reference changes at its start; y_a is the previous set value. A ramp, as behind a
+             rate limiter, is a part of its step, which starts with the ramp.
 ``start``    the first segment, if the angle starts more than `MIN_STEP_DEG` from its set value; y_a
              is the first angle.
 ``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest
@@ -207,14 +208,20 @@ def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
     if len(stretches) > 1 and sum(s.stop - s.start for s in long) < 0.5 * len(known):
         return [_Segment("moving", rows, float(y[rows.start]), np.nan)]
     segments: list[_Segment] = []
+    ramp, direction = rows.start, 0.0  # the row from which the reference moves in this direction
     for s in stretches:
         set_deg, start = float(ref[s.start]), float(y[s.start])
         previous = np.nan if s.start == rows.start else float(ref[s.start - 1])
         if np.isnan(previous):
             kind: Kind = "start" if abs(set_deg - start) > MIN_STEP_DEG else "hold"
             segments.append(_Segment(kind, s, start, set_deg))
-        elif s in long:
-            segments.append(_Segment("step", s, previous, set_deg))
+            direction = 0.0
+            continue
+        if np.sign(set_deg - previous) != direction:
+            ramp, direction = s.start, float(np.sign(set_deg - previous))
+        if s in long:
+            segments.append(_Segment("step", slice(ramp, s.stop), float(ref[ramp - 1]), set_deg))
+            direction = 0.0
     return segments
 
 

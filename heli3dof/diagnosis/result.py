@@ -210,15 +210,16 @@ class Diagnosis(Result):
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes: the faults of the recordings, then the findings in the order of selection.
+    """Return all causes: the findings in the order of selection, then faults of the recordings.
 
-    Each base parameter off nominal is inserted before the first finding with a lower score.
+    Each base parameter off nominal is inserted before the first finding with a lower score. The
+    faults are last: the fit allows for lost samples and jitter, so they explain little error.
     """
     out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
         weaker = (k for k, f in enumerate(out) if f.score < o.score)
         out.insert(next(weaker, len(out)), o)
-    return (*faults, *out)
+    return (*out, *faults)
 
 
 def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:

@@ -16,13 +16,23 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.remedies import is_log
 from heli3dof.integrity.view import View
 from heli3dof.recording.gap_filling import HOLE_S
+from heli3dof.recording.logs.log_validation import MAX_LOST_SHARE
 
 SHARE, LEAST = 5e-4, 5
 """Least share and number of lost samples of a finding; fewer are a note. Chosen."""
-BAD_SHARE = 0.3
-"""Share above which the recording is bad data. Chosen."""
+LOGGED = (
+    "the logging program was too slow, or its link dropped samples.",
+    "log fewer signals, or to a faster disk",
+)
+FLOWN = (
+    "the link dropped samples, or the disk was too slow; the voltage was held meanwhile.",
+    "use another cable or port, or a faster disk; heli3dof run-step --roll 5 reports how many "
+    "periods were late or missed",
+)
+"""Cause and remedy for a log of another program, and for a recording of heli3dof"""
 
 
 def gaps(view: View) -> Iterable[Fault]:
@@ -60,12 +70,8 @@ def gaps(view: View) -> Iterable[Fault]:
     if incomplete:
         parts.append(f"{incomplete} of them are rows with a value that is not finite")
     yield Fault(
-        "timing.gaps", Kind.BAD_DATA if share > BAD_SHARE else kind, r.name,
-        f"{r.name}: {', '.join(parts)}.",
-        "the link dropped samples, or the logging program was too slow; the voltage was held "
-        "meanwhile.",
-        "use another cable or port, or a faster disk; heli3dof run-step --roll 5 reports how many "
-        "periods were late or skipped",
+        "timing.gaps", Kind.BAD_DATA if share > MAX_LOST_SHARE else kind, r.name,
+        f"{r.name}: {', '.join(parts)}.", *(LOGGED if is_log(r) else FLOWN),
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,
     )  # fmt: skip

@@ -17,9 +17,9 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.integrity.remedies import column_of, is_log, operand
+from heli3dof.integrity.remedies import column_of, is_log
 from heli3dof.integrity.view import View
-from heli3dof.recording.logs.known_names import as_options
+from heli3dof.recording.logs.known_names import IMPORT, as_options, operand
 from heli3dof.recording.recording import Recording
 
 COUNTS = 16
@@ -99,7 +99,7 @@ def _unwrapping(recording: Recording, axis: str, turn: int) -> str:
         return f"unwrap it: numpy.unwrap(angle_deg, period={turn})"
     column, angle = column_of(recording, axis)
     whole = f"unwrap({angle})" if turn == 360 else f"unwrap(2*{operand(angle)})/2"
-    return f"unwrap it: heli3dof import … {as_options({column: whole})}"
+    return f"unwrap it: {IMPORT} {as_options({column: whole})}"
 
 
 CHECKS = (Check("encoder.jump", Stage.MOTION, "many counts within one sample", jumps),)

@@ -7,7 +7,7 @@ encoder counts, so the profile's counts and rest angles do not change the angles
 from __future__ import annotations
 
 from heli3dof.axes import MOTORS
-from heli3dof.recording.logs.known_names import as_options
+from heli3dof.recording.logs.known_names import as_options, operand
 from heli3dof.recording.recording import Recording
 
 
@@ -29,11 +29,6 @@ def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
         column = quantity if quantity.endswith("_V") else f"{quantity}_deg"
         return column, column
     return column, str(mapping[column])
-
-
-def operand(expression: str) -> str:
-    """Return an expression as a part of another one: in parentheses, unless it is a name."""
-    return expression if expression.isidentifier() else f"({expression})"
 
 
 def log_remedy(recording: Recording, quantity: str, form: str) -> str:

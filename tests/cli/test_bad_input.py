@@ -69,7 +69,7 @@ def radians_as_degrees() -> str:
         (log(t_s=None), ["t_s"]),
         (radians_as_degrees(), ["radian"]),
         (changed("t_s", 100, 0.0), ["102"]),  # the file's line, the header being line 1
-        (changed("roll_deg", 50, float("nan")), ["roll_deg", "52"]),
+        (log(roll_deg=np.full(4000, np.inf)), ["roll_deg", "infinity"]),
         (log(n=2), ["2"]),
         ("", ["is empty"]),
     ],

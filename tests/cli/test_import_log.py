@@ -77,6 +77,11 @@ def test_common_names_of_a_csv_are_suggested_as_options(tmp_path: Path) -> None:
     options = ("--map v_front_V=Vf", "--map v_back_V=Vb", "--map roll_deg=elevation_deg")
     assert done.code == 5
     assert all(option in done.err for option in options)
+    named = f"import {tmp_path / 'log.csv'} --profile {RIG} -o log.mcap --map"
+    assert named in done.err
+    assert named in heli3dof("identify", tmp_path / "log.csv", "--profile", RIG).err
+    refused = heli3dof("diagnose", tmp_path / "log.csv", "--profile", RIG)
+    assert "Verdict: bad data. The log cannot be imported as it is." in refused.out + refused.err
     words = " ".join(options).split()
     assert heli3dof("import", tmp_path / "log.csv", "--profile", RIG, *words).code == 0
 
@@ -87,10 +92,15 @@ def test_common_names_of_a_csv_are_suggested_as_options(tmp_path: Path) -> None:
         ("v_front_V=input[3]", 2, "names 'input[3]'", "input[1], input[2]"),
         ("v_frnt_V=input[1]", 2, "no column v_frnt_V", "--map OUR_COLUMN"),
         ("v_front_V=(input[1]", 2, "is not an expression", "parentheses"),
-        ("v_front_V=1000*input[1]", 5, "v_front_V reaches", "convert it to volts"),
+        (
+            "v_front_V=1000*input[1]",
+            5,
+            "v_front_V reaches",
+            "--map 'v_front_V=(1000*input[1])/1000'",
+        ),
         ("roll_rad=degrees(x_enc[1])", 5, "roll_rad does not look like radians", "--map roll_deg="),
         ("yaw_rad=777.7*x_enc[1]", 5, "yaw_rad does not look like radians", "--map yaw_deg="),
-        ("t_s=1000*t_s", 5, "t_s is in milliseconds", "--map t_s=t_s/1000"),
+        ("t_s=1000*t_s", 5, "t_s is in milliseconds", "--map 't_s=(1000*t_s)/1000'"),
     ],
 )
 def test_a_wrong_mapping_is_refused_with_its_correction(

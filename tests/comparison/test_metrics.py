@@ -70,6 +70,19 @@ def test_a_first_order_step_rises_in_tau_ln_9_and_settles_in_tau_ln_50() -> None
     assert m.peak_deg == pytest.approx(-5.0, abs=1e-6)
 
 
+def test_a_reference_behind_a_rate_limiter_is_one_step_from_the_ramps_start() -> None:
+    """0 → 10 → −6° at 40°/s, as in Simulink logs; the ramps last 0.25 and 0.4 s."""
+    ramped = np.clip(40 * (T - 2), 0, 10) - np.clip(40 * (T - 12), 0, 16)
+    y = 10 * second_order(T - 2) - 16 * second_order(T - 12)
+    first, up, down = axis_metrics(T, np.radians(y), np.radians(ramped)).steps
+    assert (first.kind, up.kind, down.kind) == ("hold", "step", "step")
+    assert (up.from_deg, up.set_deg, down.from_deg, down.set_deg) == pytest.approx((0, 10, 10, -6))
+    assert (up.start_s, down.start_s) == pytest.approx((2.0, 12.0), abs=0.003)
+    assert up.overshoot_percent == pytest.approx(16.303, abs=0.01)
+    assert up.rise_time_s == pytest.approx(1.6383 / 2, abs=0.001)
+    assert up.settling_time_s == pytest.approx(8.0764 / 2, abs=0.005)
+
+
 def test_peak_and_overshoot_are_both_reported() -> None:
     """E10: the hover model's 10° step peaks at 11.85°; the paper prints 12° as its overshoot."""
     m = step_at(0.0, 1.185 * first_order(T, 0.1), 10.0)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +16,8 @@ from heli3dof.identification.greybox.thrust_scale import (
     of_ratios,
     thrust_gain_warning,
 )
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.rig.profile import default_profile
 from tests.flown import flown
 
 SMALL_STD = np.full(4, 0.003)
@@ -75,4 +80,15 @@ def test_identify_states_another_thrust_gain(gain: str, stated: bool) -> None:
     device = f"mock:?speed=max&seed=5&hide=motor.thrust_gain:{gain}"
     flight = flown("multisine", 40.0, device=device, seed=5)
     warning = thrust_gain_warning(fit_greybox(flight))
-    assert [w.startswith("Trim torque and inertias deviate") for w in warning] == [True] * stated
+    assert [": T_g, J_roll, J_pitch, J_yaw. " in w for w in warning] == [True] * stated
+
+
+def test_the_warning_names_only_the_numbers_that_deviate_alike() -> None:
+    """T_g = 2 L_a K_f V_o of the profile: with a wrong K_f, but the right V_o, it fits."""
+    structure = Structure(default_profile(), ())
+    values = structure.start * [1.0, 3.9, 4.0, 3.8]
+    fit = SimpleNamespace(
+        structure=structure, free=structure.free, values=values, std=0.01 * values
+    )
+    (warning,) = thrust_gain_warning(cast(Any, fit))
+    assert ": J_roll, J_pitch, J_yaw. " in warning

@@ -79,6 +79,14 @@ def test_rows_without_numbers_are_lost_samples() -> None:
     assert fault.parameters["lost_share"][0] == pytest.approx(0.02, rel=0.05)
 
 
+def test_the_remedy_of_gaps_in_a_log_assumes_neither_a_port_nor_a_held_voltage() -> None:
+    r = flight()
+    lossy = r.rows(np.arange(len(r)) % 50 != 25)
+    assert "held" in only(lossy).cause
+    fault = only(replace(lossy, meta={**r.meta, "source": "import"}))
+    assert not any(word in fault.cause + fault.fix for word in ("held", "port", "run-step"))
+
+
 def test_a_hole_is_a_note_and_no_share_of_lost_samples() -> None:
     r = flight()
     cut = r.rows((r.t < 20.0) | (r.t >= 36.0))

@@ -136,9 +136,14 @@ def thrust_gain_warning(fit: PhysicalFit) -> tuple[str, ...]:
     if not scale.is_off(profile.tolerance):
         return ()
     K_f = profile.motor.K_f
+    alike = ", ".join(
+        f.name
+        for f, x in zip(fit.free[:4], fit.values, strict=False)
+        if abs(x * scale.k / f.start - 1) <= profile.tolerance
+    )
     return (
-        f"Trim torque and inertias deviate from the profile by about one factor, "
-        f"{1 / scale.k:.2f}. Likely cause: the thrust gain motor.K_f is {K_f * scale.k:.3g} ± "
+        f"Deviating from the profile by about one factor, {1 / scale.k:.2f}: {alike}. Likely "
+        f"cause: the thrust gain motor.K_f is {K_f * scale.k:.3g} ± "
         f"{K_f * scale.k * scale.std:.1g} N/V, not {K_f:.3g}, because a flight determines only "
         "ratios to K_f. Measure the thrust with a scale, or correct the profile: heli3dof profile "
         "update --from MODEL.json --profile RIG.toml -o RIG2.toml",

@@ -23,6 +23,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, minus
+from heli3dof.recording.logs.known_names import as_options, operand
 from heli3dof.rig.profile import Profile
 
 TURN = {"deg": 360.0, "rad": 2 * np.pi}
@@ -60,12 +61,17 @@ def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
     return len(seen) >= levels and bool(counts.any()) and float(near.mean()) >= 0.9
 
 
-def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
+def check_angles(
+    source: str,
+    columns: Mapping[str, np.ndarray],
+    profile: Profile,
+    origins: Mapping[str, str] | None = None,
+) -> list[str]:
     """Raise RecordingError if an angle's name states a wrong unit; return warnings.
 
     Warnings: an angle that is constant, moves against its voltages, is off the encoder's grid, or
     may have another unit. ``source`` is the log's name for messages. ``columns`` are those of
-    docs/reference/recording.md.
+    docs/reference/recording.md; ``origins``: column → expression that computed it (`Table`).
     """
     warnings: list[str] = []
     for axis in AXES:
@@ -73,7 +79,8 @@ def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profil
             name = f"{axis}_{unit}"
             if name not in columns:
                 continue
-            warnings += _check_angle(source, name, columns, profile)
+            logged = operand((origins or {}).get(name, name))
+            warnings += _check_angle(source, name, columns, profile, logged)
             for ref_unit in ("deg", "rad"):
                 ref = f"{axis}_ref_{ref_unit}"
                 if ref in columns:
@@ -83,7 +90,7 @@ def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profil
 
 
 def _check_angle(
-    source: str, name: str, columns: Mapping[str, np.ndarray], profile: Profile
+    source: str, name: str, columns: Mapping[str, np.ndarray], profile: Profile, logged: str
 ) -> list[str]:
     values = columns[name]
     axis, unit, counts = _of_column(name, profile)
@@ -101,7 +108,7 @@ def _check_angle(
             )
         )
     if not on_grid(values, TURN[unit] / counts):
-        _refuse(source, name, values, ratio, profile)
+        _refuse(source, name, values, ratio, profile, logged)
     seen = counts_seen(values, unit, counts)
     if seen == counts:
         return warnings
@@ -130,12 +137,13 @@ def _of_column(name: str, profile: Profile) -> tuple[str, str, int]:
 
 
 def _refuse(
-    source: str, name: str, values: np.ndarray, ratio: float | None, profile: Profile
+    source: str, name: str, values: np.ndarray, ratio: float | None, profile: Profile, logged: str
 ) -> None:
     """Raise RecordingError if angles off the encoder's grid are in another unit than stated.
 
     ``source``: the log; ``name``: the angle's column; ``values``: the angles (N,); ``ratio``:
-    measured motion divided by the motion that the voltages explain (`newton`), or None.
+    measured motion divided by the motion that the voltages explain (`newton`), or None;
+    ``logged``: the expression of the log's columns that computed the angle.
     """
     axis, unit, counts = _of_column(name, profile)
     other = OTHER[unit]
@@ -153,7 +161,7 @@ def _refuse(
             f"{source}: {name} contains whole numbers up to {largest:.6g}, which are not degrees.",
             cause=f"raw encoder counts ({counts} per revolution).",
             fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign): "
-            f"--map '{name}={360 / counts:.6g}*{name}'",
+            + as_options({name: f"{360 / counts:.6g}*{logged}"}),
         )
     if unit == "deg" and too_large:
         raise RecordingError(

@@ -7,6 +7,7 @@ radians.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, nearest
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.known_names import as_options, suggest
+from heli3dof.recording.logs.known_names import IMPORT, as_options, operand, suggest
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.log_columns import ANGLE_UNITS, ANGLES, KNOWN, REQUIRED, VOLTAGES
 from heli3dof.rig.profile import Profile
@@ -34,7 +35,7 @@ def recording_from_table(
 
     * a missing required column, or no angle at all
     * an angle both in degrees and in radians, or in another unit than its name states
-    * fewer than ten samples, or a value that is not finite
+    * fewer than ten samples, or values that are not finite in over 30 % of them
     * time that does not increase or is not in seconds
     """
     check_names(table, profile.loop.rate_hz)
@@ -56,15 +57,29 @@ def recording_from_table(
             f"(its columns: {_listed(columns)}).",
             fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
-    for name in sorted(KNOWN & columns.keys()):
-        log_validation.check_finite(table.source, name, columns[name], table.where)
+    known = {name: columns[name] for name in sorted(KNOWN & columns.keys())}
+    lost = log_validation.lost_rows(table.source, known, table.where)
+    if lost.any():
+        k = int(np.argmax(lost))
+        name = next(name for name, values in known.items() if not np.isfinite(values[k]))
+        warnings.append(
+            f"{lost.sum()} of {len(lost)} rows have a value that is not finite and were left out "
+            f"as lost samples; the first is {table.where(k)}, column {name}."
+        )
+        kept = np.flatnonzero(~lost)
+        columns = {name: values[kept] for name, values in columns.items()}
+        where = table.where
+        table = replace(table, where=lambda k: where(int(kept[k])))
     t = columns["t_s"]
-    warnings += log_validation.check_sampling_times(table.source, t, profile.dt, table.where)
+    warnings += log_validation.check_sampling_times(
+        table.source, t, profile.dt, table.where, _logged(table, "t_s")
+    )
     if check_values:
         warnings += log_validation.check_voltages(
-            table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
-        )
-        warnings += angle_units.check_angles(table.source, columns, profile)
+            table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max,
+            (_logged(table, "v_front_V"), _logged(table, "v_back_V")),
+        )  # fmt: skip
+        warnings += angle_units.check_angles(table.source, columns, profile, table.origins)
     if profile.controller_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
         warnings.append(
             "The profile has a [controller], but the log has no reference: the closed loop cannot "
@@ -126,6 +141,11 @@ def check_names(table: Table, rate_hz: float) -> None:
                 )
 
 
+def _logged(table: Table, column: str) -> str:
+    """Return the expression that computed a ``column``, as a part of another expression."""
+    return operand(table.origins.get(column, column))
+
+
 def _map_options(table: Table, example: str) -> str:
     """Return, for an error message, a command that maps the log's columns to heli3dof's.
 
@@ -136,9 +156,9 @@ def _map_options(table: Table, example: str) -> str:
     if found:
         missing = [n for n in REQUIRED if n not in found and n not in table.columns]
         more = f" and a --map for {', '.join(missing)}" if missing else ""
-        return f"heli3dof import … {as_options(found)}{more}; check units and signs in its preview"
+        return f"check units and signs in the preview of {IMPORT} {as_options(found)}{more}"
     return (
-        f"heli3dof import … --map '{example}', with names of the log's columns, such as "
+        f"{IMPORT} --map '{example}', with names of the log's columns, such as "
         "(Vs-Vd)/2 or 57.3*x[5]"
     )
 

@@ -18,6 +18,7 @@ from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
 from heli3dof.recording.logs.joined_tables import join
+from heli3dof.recording.logs.known_names import with_own_names
 from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, refuse_stream, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.provenance import provenance
@@ -87,7 +88,7 @@ def read_log(
     profile = profile or table.profile
     assert profile is not None  # else the importer has raised an error
     defaults = profile.log.expressions if profile.log is not None else {}
-    table = mapped(table, mapping or {}, defaults)
+    table = with_own_names(mapped(table, mapping or {}, defaults))
     return Log(files, table, profile)
 
 

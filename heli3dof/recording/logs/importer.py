@@ -31,6 +31,8 @@ class Table:
     """Names of the columns that were left out, each with the reason"""
     paths: Mapping[str, str] = field(default_factory=dict)
     """Full path in the log, such as ``flight.angle.roll`` → column; a mapping accepts both names"""
+    notes: Sequence[str] = ()
+    """How the file was read, for the import's preview; unlike warnings, not kept in recordings"""
 
 
 @dataclass(frozen=True)

@@ -17,17 +17,17 @@ from heli3dof.recording.logs.log_validation import check_time_increases
 CLOCK_NAMES = ("t_s", "time", "t", "tout", "time_s", "seconds")
 """Names (lower case) that a log's clock may have, in order of priority"""
 SAME_INSTANT = 0.1
-"""Largest difference of one sample's times between logs, as a share of the period (a convention)"""
+"""Largest difference of one sample's times between logs, as a share of the shortest period (a
+convention)"""
 SAME_RATE = 0.01
-"""Logs have the same rate if their periods differ by less than this share (a convention)"""
+"""Largest relative difference of a period from a fraction 1/n of the longest one (a convention)"""
+MAX_MULTIPLE = 20
+"""Largest n; a larger ratio of periods comes from a clock in other units (a convention)"""
 PARTNERS = 0.5
-"""In the time range common to all logs, at least this share of the first log's samples must have a
-sample at the same instant (`SAME_INSTANT`) in every other log (a convention)"""
-
-
-def rises(values: np.ndarray) -> bool:
-    """Return True if values (N,) are finite and increase, as a clock does."""
-    return bool(np.isfinite(values).all() and (np.diff(values) > 0).all())
+"""In the time range common to all logs, at least this share of the slowest log's samples must have
+a sample at the same instant (`SAME_INSTANT`) in every other log (a convention)"""
+NAMED = 2
+"""Largest number of signals of a file that a message names"""
 
 
 def with_clock(table: Table) -> Table:
@@ -50,8 +50,8 @@ def join(tables: Sequence[Table]) -> Table:
 
     A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
     table without a clock must have as many samples as the first table with a clock. Raises
-    RecordingError if it has not, and for clocks with different rates or instants, or without
-    overlap.
+    RecordingError if it has not, and for clocks without overlap or common instants, or with rates
+    that are no integer multiples.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:
@@ -78,8 +78,8 @@ def join(tables: Sequence[Table]) -> Table:
         keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
         if len(keep) < n and "t_s" in table.columns:
             warnings.append(
-                f"{table.source}: {n - len(keep)} of {n} samples were left out, because the other "
-                "files have none at these times."
+                f"{_signals(table)}: {n - len(keep)} of {n} samples were left out, because other "
+                "signals have none at these times."
             )
         for name, values in table.columns.items():
             is_clock = name in ("t_s", table.origins.get("t_s"))
@@ -103,6 +103,7 @@ def join(tables: Sequence[Table]) -> Table:
         first.origins,
         [text for table in tables for text in table.ignored],
         paths,
+        [f"{table.source}: {text}" for table in tables for text in table.notes],
     )
 
 
@@ -111,29 +112,23 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
     if not tables:
         return {}
     times = [table.columns["t_s"] for table in tables]
-    t = times[0]
-    if all(np.array_equal(t, other) for other in times):
-        return {id(table): np.arange(len(t)) for table in tables}
+    if all(np.array_equal(times[0], other) for other in times):
+        return {id(table): np.arange(len(times[0])) for table in tables}
     for table in tables:
         check_time_increases(table.source, table.columns["t_s"], table.where)
-    period = float(np.median(np.diff(t)))
+    periods = [float(np.median(np.diff(t))) for t in times]
+    slowest = int(np.argmax(periods))
+    t, fastest_s = times[slowest], min(periods)
     partners = []
-    for table, other in zip(tables, times, strict=True):
-        own = float(np.median(np.diff(other)))
-        if abs(own / period - 1) > SAME_RATE:
-            raise RecordingError(
-                f"{tables[0].source} and {table.source} are sampled at different rates: every "
-                f"{period:.6g} and every {own:.6g} (time in s).",
-                cause="a decimated log, or a clock in milliseconds.",
-                fix="log all signals at the control rate, with time in seconds",
-            )
+    for table, other, period in zip(tables, times, periods, strict=True):
+        _check_rate(tables[slowest], periods[slowest], table, period)
         k = np.clip(np.searchsorted(other, t), 1, len(other) - 1)
         k = k - (t - other[k - 1] < other[k] - t)
-        partners.append(np.where(np.abs(other[k] - t) < SAME_INSTANT * period, k, -1))
+        partners.append(np.where(np.abs(other[k] - t) < SAME_INSTANT * fastest_s, k, -1))
     keep = np.all([k >= 0 for k in partners], axis=0)
     low, high = max(x[0] for x in times), min(x[-1] for x in times)
     ranges = ", ".join(
-        f"{T.source} {x[0]:.6g} … {x[-1]:.6g} s" for T, x in zip(tables, times, strict=True)
+        f"{_signals(T)} {x[0]:.6g} … {x[-1]:.6g} s" for T, x in zip(tables, times, strict=True)
     )
     if low > high:
         raise RecordingError(
@@ -148,6 +143,29 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
             fix="let one model log all signals at the control rate; heli3dof does not resample",
         )
     return {id(table): k[keep] for table, k in zip(tables, partners, strict=True)}
+
+
+def _check_rate(slowest: Table, longest_s: float, other: Table, period_s: float) -> None:
+    """Raise RecordingError unless the longest period is a small multiple of the other period."""
+    multiple = round(longest_s / period_s)
+    if multiple > MAX_MULTIPLE or abs(longest_s / period_s / multiple - 1) > SAME_RATE:
+        raise RecordingError(
+            f"{_signals(slowest)} and {_signals(other)} are sampled at different rates: every "
+            f"{longest_s:.6g} and every {period_s:.6g} (time in s).",
+            cause="sample times that are no multiples of each other, or a clock in milliseconds.",
+            fix="log all signals at the control rate, with time in seconds",
+        )
+
+
+def _signals(table: Table) -> str:
+    """Return the names of a table's first signals and of its file, for messages.
+
+    >>> _signals(Table("log.mat", {"t_s": np.arange(9), "V[1]": np.ones(9)}, str))
+    'V[1] in log.mat'
+    """
+    names = [name for name in table.columns if name not in ("t_s", table.origins.get("t_s"))]
+    more = ", …" if len(names) > NAMED else ""
+    return f"{', '.join(names[:NAMED])}{more} in {table.source}"
 
 
 def _length(table: Table) -> int:

@@ -1,23 +1,32 @@
-"""Suggest how to compute heli3dof's columns from another program's, recognised by common names.
+"""Recognise another program's columns by their names.
 
-Signs differ between laboratories, so a suggestion is never used without the user's decision.
+Columns with heli3dof's names and a unit in brackets, such as ``roll [deg]``, are read as heli3dof's
+(`with_own_names`). Other common names only give a suggestion, which is never used without the
+user's decision, because signs differ between laboratories.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.errors import quoted
-from heli3dof.recording.logs.joined_tables import rises
+from heli3dof.recording.logs.importer import Table
 from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
 
+IMPORT = "heli3dof import …"
+"""Start of a suggested command; the command line completes it (`cli.inputs.name_files`)"""
 TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
         "tms": "/1000", "ms": "/1000", "milliseconds": "/1000"}  # fmt: skip
 TIME_UNITS = {"s": "", "ms": "/1000"}
 """Unit of a column's name → what converts a clock in this unit to s"""
+UNITS = {"s": "s", "sec": "s", "v": "V", "volt": "V", "volts": "V", "°": "deg", "deg": "deg",
+         "degrees": "deg", "rad": "rad", "radians": "rad"}  # fmt: skip
+"""Unit in brackets, in lower case → unit in heli3dof's names"""
 AXIS_NAMES = {
     "roll": {"roll", "elevation", "elev", "ele", "epsilon", "eps", "phi"},
     "pitch": {"pitch", "tilt", "rho", "theta"},
@@ -38,6 +47,11 @@ REFERENCE = re.compile(r"ref(erence)?|des(ired)?|cmd|command(ed)?|sp|set_?point"
 UNIT = re.compile(
     r"[\s_(\[]*(°|\b(?:deg|degrees?|rad|radians?|v|volts?|m?s|m?sec))[)\]]*$", re.IGNORECASE
 )
+
+
+def rises(values: np.ndarray) -> bool:
+    """Return True if values (N,) are finite and increase, as a clock does."""
+    return bool(np.isfinite(values).all() and (np.diff(values) > 0).all())
 
 
 def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
@@ -74,9 +88,55 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
     return {target: e for target, e in found.items() if not _stems(target) & columns.keys()}
 
 
+def with_own_names(table: Table) -> Table:
+    """Return ``table`` with heli3dof's names for its columns that state such a name and a unit.
+
+    A column keeps its name if the table has another column for the same quantity.
+    """
+    found = {name: own for name in table.columns if (own := own_name(name))}
+    taken = Counter(stem for own in found.values() for stem in _stems(own))
+    names = {
+        name: own
+        for name, own in found.items()
+        if taken[own] == 1 and not _stems(own) & table.columns.keys()
+    }
+    if not names:
+        return table
+    return replace(
+        table,
+        columns={names.get(name, name): values for name, values in table.columns.items()},
+        origins={**table.origins, **{own: name for name, own in names.items()}},
+        notes=[*table.notes, f"Recognised by name and unit: {', '.join(names)}."],
+    )
+
+
+def own_name(name: str) -> str | None:
+    """Return heli3dof's column for a ``name`` with a unit in brackets; None if there is none.
+
+    >>> own_name("Roll [deg]"), own_name("v_front (V)"), own_name("Time [s]"), own_name("t [ms]")
+    ('roll_deg', 'v_front_V', 't_s', None)
+    """
+    match = re.fullmatch(r"(\w+)\s*[\[(]\s*(\S+?)\s*[\])]", name.strip())
+    if match is None:
+        return None
+    stem = "t" if match[1].lower() == "time" else match[1].lower()
+    own = f"{stem}_{UNITS.get(match[2].lower())}"
+    return own if own in KNOWN else None
+
+
 def as_options(mapping: Mapping[str, str]) -> str:
     """Return ``mapping``, column → expression, as ``--map`` options that are quoted for a shell."""
     return " ".join(f"--map {quoted(f'{name}={text}')}" for name, text in mapping.items())
+
+
+def operand(expression: str) -> str:
+    """Return an expression as a part of another one: in parentheses, unless it is a name.
+
+    >>> operand("enc[1]"), operand("Vs-Vd")
+    ('enc[1]', '(Vs-Vd)')
+    """
+    is_name = re.fullmatch(r"[^\W\d][\w.]*(\[\d+\])?", expression)
+    return expression if is_name else f"({expression})"
 
 
 def _key(name: str) -> tuple[str, str | None]:

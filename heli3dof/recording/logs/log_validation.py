@@ -7,17 +7,20 @@ which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.logs.known_names import as_options
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
 """Smallest number of samples in a log (a convention)"""
+MAX_LOST_SHARE = 0.3
+"""Largest share of lost samples in a usable recording. Chosen."""
 JITTER = 0.02
 """RMS scatter of the intervals, as a share of the period, above which there is a warning (a
 convention)"""
@@ -26,18 +29,23 @@ Where = Callable[[int], str]
 """Returns the position of sample k in the log, for messages: ``line 12``"""
 
 
-def check_finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite."""
-    bad = ~np.isfinite(values)
-    if not bad.any():
-        return
-    k = int(np.argmax(bad))
-    kind = "no number" if np.isnan(values[k]) else "infinity"
-    count = int(bad.sum())
+def lost_rows(source: str, columns: Mapping[str, np.ndarray], where: Where) -> np.ndarray:
+    """Return (N,) bool: the rows with a value that is not finite, which count as lost samples.
+
+    ``source``: the log's name; ``where``: returns a sample's position in the file as text. Raises
+    RecordingError if their share exceeds `MAX_LOST_SHARE`.
+    """
+    finite = {name: np.isfinite(values) for name, values in columns.items()}
+    lost = ~np.logical_and.reduce(list(finite.values()))
+    if lost.mean() <= MAX_LOST_SHARE:
+        return np.asarray(lost)
+    name = min(finite, key=lambda n: finite[n].sum())
+    k, count = int(np.argmin(finite[name])), int((~finite[name]).sum())
+    kind = "no number" if np.isnan(columns[name][k]) else "infinity"
     raise RecordingError(
         f"{source}: {where(k)}, column {name}: {kind}"
         + (f" (and {count - 1} more in this column)." if count > 1 else "."),
-        cause="a lost sample, a sensor that was not read, or a division by zero.",
+        cause="a sensor that was not read, or signals with different sample times.",
         fix="remove these rows (gaps in time are allowed) or the whole column",
     )
 
@@ -111,11 +119,14 @@ def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
         )
 
 
-def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
+def check_sampling_times(
+    source: str, t: np.ndarray, period_s: float, where: Where, logged: str = "t_s"
+) -> list[str]:
     """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
-    control period.
+    control period. ``where``: returns a sample's position in the file as text. ``logged``: the
+    expression of the log's columns that computed t.
     """
     check_time_increases(source, t, where)
     found = timing(t)
@@ -124,7 +135,7 @@ def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Whe
             f"{source}: t_s contains whole numbers in steps of 1; the profile's period is "
             f"{period_s:.6g} s.",
             cause="t_s is the number of the sample.",
-            fix=f"divide t_s by the rate: --map t_s=t_s/{1 / period_s:g}",
+            fix="divide t_s by the rate: " + as_options({"t_s": f"{logged}/{1 / period_s:g}"}),
         )
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:
@@ -132,7 +143,7 @@ def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Whe
                 f"{source}: t_s steps by {found.period_s:.6g}; the profile's period is "
                 f"{period_s:.6g} s.",
                 cause=f"t_s is in {unit}.",
-                fix=f"divide t_s by {factor:.0f}: --map t_s=t_s/{factor:.0f}",
+                fix=f"divide t_s by {factor:.0f}: " + as_options({"t_s": f"{logged}/{factor:.0f}"}),
             )
     warnings: list[str] = []
     if abs(found.period_s / period_s - 1) > 0.02:
@@ -171,13 +182,22 @@ def hidden_jitter_warnings(
     ]
 
 
-def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
-    """Check the motors' voltages (N,) in V against the limit ``v_max`` (V); return warnings.
+def check_voltages(
+    source: str,
+    front: np.ndarray,
+    back: np.ndarray,
+    v_max: float,
+    logged: tuple[str, str] = ("v_front_V", "v_back_V"),
+) -> list[str]:
+    """Check voltages against the limit ``v_max`` (V); return warnings.
 
     Raises RecordingError for voltages above 20 times the limit.
+
+    ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name; ``logged``:
+    the expressions of the log's columns that computed the two voltages.
     """
     warnings, beyond = list[str](), list[str]()
-    for name, v in (("v_front_V", front), ("v_back_V", back)):
+    for name, v, expression in zip(("v_front_V", "v_back_V"), (front, back), logged, strict=True):
         top = float(np.abs(v).max())
         command = f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:
@@ -185,7 +205,8 @@ def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: floa
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
                 cause="millivolts or DAC counts instead of volts, or the command instead of the "
                 "limiter's output.",
-                fix=f"convert it to volts: --map {name}={name}/1000; rename a command to {command}",
+                fix=f"convert it to volts: {as_options({name: f'{expression}/1000'})}; rename a "
+                f"command to {command}",
             )
         if top > 1.001 * v_max:
             beyond.append(f"{name} reaches {top:.4g} V")

@@ -12,7 +12,7 @@ from heli3dof.rig.log_columns import KNOWN, ORDERED
 
 
 def preview(table: Table) -> dict[str, Any]:
-    """Return a JSON-able dictionary: a log's columns and channels, its clock, and what is ignored.
+    """Return a JSON-able dictionary: a log's columns, channels, clock, ignored columns and notes.
 
     Each column has ``name``, ``source`` (the log's column or expression), ``unit``, and ``first``,
     ``min`` and ``max`` of its values. ``period_s`` is the median interval of ``t_s``.
@@ -27,6 +27,7 @@ def preview(table: Table) -> dict[str, Any]:
         "columns": [_column(table, name) for name in names],
         "channels": [_column(table, name) for name in table.columns if name not in KNOWN],
         "ignored": list(table.ignored),
+        "notes": list(table.notes),
     }
 
 

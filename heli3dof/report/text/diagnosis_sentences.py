@@ -32,6 +32,8 @@ VERDICTS = {
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
+NOT_IMPORTED = "The log cannot be imported as it is."
+ONLY_COUNTED = "Only lost samples were found; the fit predicts over them."
 WITH_REFIT = "The causes below and refitted parameters explain the simulation error."
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
@@ -40,6 +42,8 @@ LISTED = 6
 """Largest number of names that a sentence lists; of further names it gives only the number."""
 NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
+COUNTED = "lost_share"
+"""Parameter that is counted, and so has no uncertainty"""
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
@@ -76,6 +80,10 @@ def verdict(document: Document) -> str:
     """Return a diagnosis' verdict and what it means, in one to three sentences."""
     word = str(document["verdict"])
     meaning = WITH_REFIT if word == "explained" and refit_explains(document) else VERDICTS[word]
+    if _is_refused(document):
+        meaning = NOT_IMPORTED
+    if word == "explained" and all(map(is_counted, document["findings"])):
+        meaning = ONLY_COUNTED
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
@@ -87,6 +95,12 @@ def verdict(document: Document) -> str:
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def _is_refused(document: Document) -> bool:
+    """Return True if the recordings are bad data only because heli3dof cannot import a log."""
+    bad = [f["check"] for f in document.get("integrity", ()) if f["kind"] == "bad_data"]
+    return bool(bad) and set(bad) == {"log.refused"}
 
 
 def noise_is_unknown(document: Document) -> bool:
@@ -289,6 +303,25 @@ def causes(document: Document) -> Iterator[str]:
                 "cause's model error, or held-out data do not confirm it."
             )
         yield text
+
+
+def is_counted(finding: Document) -> bool:
+    """Return True if the size of a finding is counted, not estimated: the share of lost samples."""
+    return set(finding["parameters"]) == {COUNTED}
+
+
+def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
+    """Return the size of a cause's parameter ``key``, and its standard deviation; "" if counted.
+
+    >>> size_and_std("torque_Nm", {"value": 0.03012, "std": 0.00042})
+    ('0.03012', '0.00042')
+    >>> size_and_std("lost_share", {"value": 0.03977, "std": 0.017})
+    ('0.03977', '')
+    """
+    value, std = estimate["value"], estimate["std"]
+    if key == COUNTED:
+        return significant(value), ""
+    return significant(value, std), significant(std, std)
 
 
 def untested(document: Document, finding: Document) -> bool:
@@ -495,7 +528,11 @@ def _fly(document: Document, plan: str) -> str:
 def next_steps(document: Document) -> Iterator[str]:
     """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
-        yield "Correct the log or record again, then run heli3dof diagnose again."
+        yield (
+            "Import the log as stated above, then diagnose the recording."
+            if _is_refused(document)
+            else "Correct the log or record again, then run heli3dof diagnose again."
+        )
         return
     if document["verdict"] == "off_calibration":
         yield from _profile_update(document)

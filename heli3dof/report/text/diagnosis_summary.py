@@ -14,7 +14,7 @@ from heli3dof.diagnosis import name_of
 from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document, listed, percent
-from heli3dof.report.text.number_format import fixed, significant
+from heli3dof.report.text.number_format import fixed
 
 MOST_CAUSES = 4
 """Largest number of causes that the summary states; --verbose lists all"""
@@ -85,12 +85,9 @@ def causes(document: Document) -> Iterator[str]:
         sizes = []
         for key, estimate in f["parameters"].items():
             parameter, unit = split_unit(key)
-            value, std = estimate["value"], estimate["std"]
-            unit = f" {unit}" if unit else ""
-            sizes.append(
-                f"{parameter.replace('_', ' ')} {significant(value, std)} ± "
-                f"{significant(std, std)}{unit}"
-            )
+            value, std = words.size_and_std(key, estimate)
+            size = f"{value} ± {std}" if std else value
+            sizes.append(f"{parameter.replace('_', ' ')} {size}{' ' * bool(unit)}{unit}")
         untested = words.untested(document, f)
         known = f["confidence"] is not None and not untested
         sure = f" (confidence {percent(f['confidence'])})" if known else ""
@@ -100,6 +97,9 @@ def causes(document: Document) -> Iterator[str]:
         )
         like = "; likely, not confirmed" if f.get("like") else ""
         like = "; not tested (--quick)" if untested else like
+        if words.is_counted(f):  # last (`heli3dof.diagnosis.result.in_order`)
+            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} (counted)."
+            continue
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
 
 

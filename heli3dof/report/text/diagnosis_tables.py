@@ -82,8 +82,7 @@ def findings(document: Document) -> Grid:
         gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
         for key, estimate in f["parameters"].items() or [("", {"value": None, "std": None})]:
             parameter, unit = split_unit(key)
-            value, std = estimate["value"], estimate["std"]
-            size = [significant(value, std), significant(std, std)]
+            size = words.size_and_std(key, estimate)
             rows.append([name_of(f), parameter, *size, unit, gain])
             gain = ""
     note = "±: one standard deviation. Δ ln L: gain in log-likelihood on held-out data."

@@ -75,14 +75,15 @@ def _by_axis(fits: np.ndarray) -> str:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds, and without the effects of which all parameters are within two
-    standard deviations of the value that means "no effect". A note names these effects.
+    ``brief``: without bounds, and without the effects whose size, their first parameter, is within
+    two standard deviations of the value that means "no effect". A note names these effects.
     """
     parameters = found.found.parameters
+    sizes = {_short(name): p for name, p in reversed(list(parameters.items()))}  # first parameters
     significant_terms = {
-        _short(name)
-        for name, p in parameters.items()
-        if not brief or "." not in name or abs(p.value - p.nominal) > 2 * p.std
+        term
+        for term, p in sizes.items()
+        if not brief or term in parameters or abs(p.value - p.nominal) > 2 * p.std
     }
     shown = {name: p for name, p in parameters.items() if _short(name) in significant_terms}
     has_bounds = not brief and any(np.isfinite(p.bound) for p in shown.values())

@@ -173,6 +173,8 @@ def test_findings_are_ordered_by_strength_and_causes_keep_their_order() -> None:
     late = replace(lag, choice=replace(lag.choice, score=70.0))
     assert in_order([], [lag, late], [inertia]) == (inertia, lag, late)
     assert in_order([], [late, lag], [inertia]) == (late, inertia, lag)
+    gaps = Fault("timing.gaps", Kind.FINDING, "a", "", "", "", effect="timing.gaps")
+    assert in_order([gaps], [lag], []) == (lag, gaps)
 
 
 def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> None:

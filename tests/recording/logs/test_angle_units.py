@@ -69,8 +69,9 @@ def test_raw_counts_are_recognised(factor: int) -> None:
     data = columns()
     data["roll_deg"] = factor * np.rint(data["roll_deg"] * 4096 / 360)
     with pytest.raises(RecordingError, match="whole numbers up to") as caught:
-        check_angles("log.csv", data, PROFILE)
+        check_angles("log.csv", data, PROFILE, {"roll_deg": "enc[1]"})
     assert "encoder counts" in caught.value.cause
+    assert "--map 'roll_deg=0.0878906*enc[1]'" in caught.value.fix
 
 
 def test_an_angle_beyond_half_a_turn_is_refused() -> None:

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.recording.load import load
-from heli3dof.recording.logs.import_log import import_log
+from heli3dof.recording.logs.import_log import import_log, read_log
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import load_profile
 from tests.paths import REAL_DATA, needs_real_data
@@ -80,9 +80,10 @@ def test_radians_are_accepted_for_degrees(tmp_path: Path) -> None:
         (lambda t: t.replace(",", " "), "spaces"),
     ],
 )
-def test_other_separators_are_accepted_with_a_warning(tmp_path: Path, change, words: str) -> None:
+def test_other_separators_are_accepted_with_a_note(tmp_path: Path, change, words: str) -> None:
     path = write(tmp_path, change(csv_text(columns())))
-    assert warned(path, words)
+    assert words in " ".join(read_log(path, PROFILE).table.notes)
+    assert import_log(path, PROFILE).meta["warnings"] == []
     np.testing.assert_array_equal(import_log(path, PROFILE).voltage, flight(1500).voltage)
 
 
@@ -108,7 +109,7 @@ def test_byte_order_marks_comments_and_line_endings_are_accepted(tmp_path: Path,
 
 @pytest.mark.parametrize("titles", ["Lab 3; flight of 1 May\n# period;2 ms\n", "Flight 3\n\n"])
 @pytest.mark.parametrize("separator", [",", ";"])
-def test_titles_above_the_header_are_skipped_with_a_warning(
+def test_titles_above_the_header_are_skipped_with_a_note(
     titles: str, separator: str, tmp_path: Path
 ) -> None:
     table = csv_text(columns())
@@ -116,7 +117,9 @@ def test_titles_above_the_header_are_skipped_with_a_warning(
         table = table.replace(",", ";").replace(".", ",")
     path = write(tmp_path, titles + table)
     np.testing.assert_array_equal(import_log(path, PROFILE).voltage, flight(1500).voltage)
-    assert warned(path, "The header is line 3; the lines above it were ignored.")
+    assert "The header is line 3; the lines above it were ignored." in (
+        read_log(path, PROFILE).table.notes
+    )
 
 
 def test_text_in_another_encoding_is_not_called_binary(tmp_path: Path) -> None:
@@ -147,10 +150,47 @@ def renamed(old: str, new: str) -> dict[str, Any]:
     return {new if name == old else name: v for name, v in columns().items()}
 
 
+def with_a_short_line(k: int) -> str:
+    lines = csv_text(columns()).splitlines()
+    lines[k] = lines[k].rpartition(",")[0]
+    return "\n".join([*lines, ""])
+
+
 def swapped_time(k: int) -> dict[str, Any]:
     data = columns()
     data["t_s"][[k, k + 1]] = data["t_s"][[k + 1, k]]
     return data
+
+
+@pytest.mark.parametrize(
+    ("content", "warning"),
+    [
+        (lambda: changed("roll_deg", 10, float("nan")), "1 of 1500 rows have a value that is not"),
+        (lambda: changed("yaw_deg", 10, float("inf")), "the first is line 12, column yaw_deg."),
+        (lambda: changed("v_back_V", 10, ""), "line 12, column v_back_V."),
+        (lambda: with_a_short_line(11), "1 of 1500 lines do not have 11 cells"),
+    ],
+)
+def test_rows_without_numbers_are_lost_samples(tmp_path: Path, content, warning: str) -> None:
+    path = write(tmp_path, content())
+    kept = np.delete(np.arange(1500), 10)
+    np.testing.assert_array_equal(import_log(path, PROFILE).t, flight(1500).t[kept])
+    assert warned(path, warning)
+    assert warned(path, "1 gap in time")
+
+
+def test_a_line_of_units_is_skipped_and_gives_names_with_units(tmp_path: Path) -> None:
+    bare = {"t_s": "time", **{n: n.rpartition("_")[0] for n in columns() if n != "t_s"}}
+    data = {bare[n]: v for n, v in columns().items() if n in bare}
+    units = ",".join(n.rpartition("_")[2] for n in columns())
+    path = write(tmp_path, csv_text(data).replace("\n", f"\n{units}\n", 1))
+    r = import_log(path, PROFILE)
+    np.testing.assert_allclose(r.angle, flight(1500).angle, rtol=0, atol=1e-12)
+    assert r.meta["warnings"] == []
+    assert r.meta["log_mapping"]["roll_deg"] == "roll [deg]"
+    assert list(read_log(path, PROFILE).table.notes)[:1] == [
+        "Line 2 contains units and was skipped."
+    ]
 
 
 @pytest.mark.parametrize(
@@ -162,9 +202,10 @@ def swapped_time(k: int) -> dict[str, Any]:
             lambda: columns() | {"roll_rad": np.deg2rad(columns()["roll_deg"])},
             "has both roll_deg",
         ),
-        (lambda: changed("roll_deg", 10, float("nan")), "line 12, column roll_deg: no number"),
-        (lambda: changed("yaw_deg", 0, float("inf")), "line 2, column yaw_deg: infinity"),
-        (lambda: changed("v_back_V", 7, ""), "line 9, column v_back_V: no number"),
+        (
+            lambda: columns() | {"yaw_deg": np.append(columns()["yaw_deg"][:900], 600 * [np.nan])},
+            r"line 902, column yaw_deg: no number \(and 599 more in this column\)",
+        ),
         (lambda: changed("v_back_V", 7, "OL"), "line 9, column v_back_V: 'OL' is not a number"),
         (lambda: swapped_time(99), "does not increase at line 102"),
         (lambda: columns() | {"t_s": np.round(columns()["t_s"], 2)}, "time does not increase"),
@@ -181,7 +222,7 @@ def swapped_time(k: int) -> dict[str, Any]:
         (lambda: "t_s,v_front_V,v_back_V,roll_deg\n", "has 0 samples"),
         (lambda: "t_s,v_front_V,t_s,roll_deg\n0,0,0,0\n", "has two columns t_s"),
         (lambda: "t_s,,v_back_V,roll_deg\n0,0,0,0\n", "column 2 of the header line has no name"),
-        (lambda: csv_text(columns()).replace("\n", "\n1,2,3\n", 1), "line 2 has 3 cells"),
+        (lambda: csv_text(columns()).replace("\n", "\n1,2,3\n", 20), "line 2 has 3 cells"),
         (
             lambda: "t_s,v_front_V,v_back_V,roll_deg\n0,000,1,5,2,5,3,5\n0,002,1,5,2,5,3,5\n",
             "line 2 has 8 cells, the header line 4",
@@ -214,7 +255,7 @@ def test_an_unusable_log_is_refused_with_its_place(tmp_path: Path, content, mess
             },
             "no column t_s, v_front_V, v_back_V",
             "--map 't_s=Zeit [ms]/1000' --map 'roll_deg=Elevation [°]' and a --map for v_front_V, "
-            "v_back_V;",
+            "v_back_V",
         ),
     ],
 )  # fmt: skip

@@ -27,7 +27,17 @@ def test_only_common_instants_are_kept_with_a_warning() -> None:
     joined = join([table("a.mat", t_s=T, u=T), table("b.mat", t_s=T[20:] + 1e-5, x=T[20:])])
     np.testing.assert_array_equal(joined.columns["t_s"], T[20:])
     np.testing.assert_array_equal(joined.columns["u"], joined.columns["x"])
-    assert "a.mat: 20 of 100 samples were left out" in joined.warnings[0]
+    assert "u in a.mat: 20 of 100 samples were left out" in joined.warnings[0]
+
+
+def test_of_rates_that_are_multiples_the_common_instants_are_kept() -> None:
+    for several in ((table("a", t_s=T, u=T), table("a", t_s=T[::5], x=T[::5])),
+                    (table("a", t_s=T[::5], u=T[::5]), table("a", t_s=T, x=T))):  # fmt: skip
+        joined = join(several)
+        np.testing.assert_array_equal(joined.columns["t_s"], T[::5])
+        np.testing.assert_array_equal(joined.columns["u"], joined.columns["x"])
+        (warning,) = joined.warnings
+        assert "80 of 100 samples were left out" in warning
 
 
 def test_equal_names_get_their_files_name() -> None:
@@ -47,9 +57,9 @@ def test_a_log_without_clock_needs_the_same_length() -> None:
 @pytest.mark.parametrize(
     ("other", "what"),
     [
-        (T + 10, "do not overlap: a.mat 0 … 0.198 s, b.mat 10 …"),
+        (T + 10, "do not overlap: u in a.mat 0 … 0.198 s, x in b.mat 10 …"),
         (T + 0.001, "sampled at different instants"),
-        (2 * T, "sampled at different rates: every 0.002 and every 0.004"),
+        (1.5 * T, "x in b.mat and u in a.mat are sampled at different rates: every 0.003 and"),
         (1000 * T, "different rates"),
         (T[::-1], "b.mat: time does not increase"),
     ],

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.recording.logs.known_names import as_options, suggest
+from heli3dof.recording.logs.importer import Table
+from heli3dof.recording.logs.known_names import as_options, suggest, with_own_names
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,20 @@ def test_a_rising_column_in_seconds_or_milliseconds_is_the_time() -> None:
 
 def test_an_angle_beyond_a_turn_is_in_degrees() -> None:
     assert suggest({"travel": np.array([0.0, 20.0])}) == {"yaw_deg": "travel"}
+
+
+def test_names_of_ours_with_a_unit_in_brackets_are_used_without_a_mapping() -> None:
+    x = np.ones(9)
+    result = with_own_names(Table("a.csv", {"Time [s]": x, "roll (°)": x, "tilt [deg]": x}, str))
+    assert list(result.columns) == ["t_s", "roll_deg", "tilt [deg]"]
+    assert result.origins == {"t_s": "Time [s]", "roll_deg": "roll (°)"}
+    assert result.notes == ["Recognised by name and unit: Time [s], roll (°)."]
+
+
+def test_two_columns_for_one_quantity_keep_their_names() -> None:
+    for other in ("roll [rad]", "roll_rad", "Roll (deg)"):
+        table = Table("a.csv", {"roll [deg]": np.ones(9), other: np.ones(9)}, str)
+        assert with_own_names(table) is table
 
 
 def test_sum_and_difference_give_both_voltages() -> None:

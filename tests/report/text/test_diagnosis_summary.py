@@ -85,6 +85,16 @@ def test_what_several_recordings_have_is_stated_once() -> None:
     assert "Cause 1: timing.jitter" in stated
 
 
+def test_a_counted_share_is_no_cause_and_has_no_standard_deviation() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    lost = {"lost_share": {"value": 0.03977, "std": 0.017}}
+    document["findings"][0] |= {"effect": "timing.gaps", "axis": None, "parameters": lost}
+    lines = diagnosis_summary(document)
+    assert "In the recording: timing.gaps, lost share 0.03977 (counted)." in lines
+    document["verdict"], document["findings"] = "explained", document["findings"][:1]
+    assert "Only lost samples were found" in diagnosis_summary(document)[0]
+
+
 def test_terms_that_are_no_causes_are_left_to_the_tables() -> None:
     document = deepcopy(kept("diagnose.json"))
     parameters = {"torque_Nm": {"value": 0.1, "std": 0.1, "unit": "N·m", "prior_mean": 0.0,

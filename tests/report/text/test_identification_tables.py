@@ -24,7 +24,7 @@ def test_the_summary_shows_all_parameters_of_a_significant_effect() -> None:
             # The value without the effect is the shape's usual one.
             friction__stribeck__pitch__rate_rad_per_s=parameter(0.1, 0.1, "rad/s"),
             disturbance__periodic__yaw__torque_Nm=parameter(0.0, 0.0, "N·m"),
-            disturbance__periodic__yaw__frequency_Hz=parameter(1.0, 1.0, "Hz"),
+            disturbance__periodic__yaw__frequency_Hz=parameter(3.0, 1.0, "Hz"),
             motor__lag__time_constant_s=parameter(0.1, 0.0, "s"),
         ),
         brief=True,

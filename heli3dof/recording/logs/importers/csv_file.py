@@ -1,8 +1,8 @@
 """Importer of CSV logs (``.csv``, ``.csv.gz``); its errors name line and column.
 
 numpy parses the whole file; if it fails, the text is parsed cell by cell to find the faulty cell.
-Semicolons, tabs or spaces between columns, decimal commas and titles above the header are accepted
-with a warning.
+Semicolons, tabs or spaces between columns, decimal commas, titles above the header and a line of
+units below it are accepted with a note.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from heli3dof.rig.profile import Profile
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
 HEAD_LINES = 50
 """Number of lines in which the header and the first numbers are searched (a convention)"""
+LOST_LINES = 0.01
+"""Largest share of lines with another number of cells than the header, which count as lost samples;
+with more, the file has another format (a convention)"""
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 
@@ -49,22 +52,27 @@ def read(
             cause="the logging program stopped before it wrote its first line.",
             fix="record again",
         )
-    warnings: list[str] = []
+    warnings, notes = list[str](), list[str]()
     if (header := _header_line(lines[first : first + HEAD_LINES])) > 0:
         first += header
-        warnings.append(f"The header is line {first + 1}; the lines above it were ignored.")
+        notes.append(f"The header is line {first + 1}; the lines above it were ignored.")
     separator, names = _header(path, lines[first])
     body = lines[first + 1 :]
     numbers = [first + 2 + i for i, x in enumerate(body) if x.strip()]
     body = [x for x in body if x.strip()]
     if separator != ",":
-        warnings.append(f"Columns are separated by {SEPARATORS[separator]}, not commas.")
+        notes.append(f"Columns are separated by {SEPARATORS[separator]}.")
     if separator == ";" and any("," in x for x in body[:50]):
-        warnings.append("Numbers have decimal commas.")
+        notes.append("Numbers have decimal commas.")
         body = [x.replace(",", ".") for x in body]
     if names[-1] == "" and all(x.rstrip().endswith(separator) for x in body):
         names = names[:-1]
         body = [x.rstrip().removesuffix(separator) for x in body]
+    if units := _units(body, separator, len(names)):
+        notes.append(f"Line {numbers[0]} contains units and was skipped.")
+        with_units = zip(names, units, strict=True)
+        names = [n if n in KNOWN or not u else f"{n} [{u}]" for n, u in with_units]
+        body, numbers = body[1:], numbers[1:]
     _check_header(path, names, separator)
     if len(body) > 1 and not text.endswith(("\n", "\r")):
         cells = len(_cells(body[-1], separator))
@@ -74,8 +82,9 @@ def read(
 
     values = _fast(body, separator, names)
     if values is None:
+        body, numbers = _whole_lines(path, body, numbers, separator, names, warnings)
         values = _exact(path, body, numbers, separator, names, warnings)
-    return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings)
+    return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings, notes=notes)
 
 
 def _text(path: Path) -> str:
@@ -129,13 +138,16 @@ def _header_line(lines: list[str]) -> int:
     for i, line in enumerate(lines):
         separator = _separator(line)
         rows = [_cells(x, separator) for x in lines[i:]]
-        counts = (sum(_is_number(cell.replace(",", ".")) for cell in row) for row in rows)
-        numbers = next((k for k, n in enumerate(counts) if 2 * n > len(rows[k])), None)
+        numbers = next((k for k, row in enumerate(rows) if _mostly_numbers(row)), None)
         if numbers == 0:
             break
         if numbers and not line.startswith("#") and len(rows[0]) == len(rows[numbers]):
             return i
     return 0
+
+
+def _mostly_numbers(row: list[str]) -> bool:
+    return 2 * sum(_is_number(cell.replace(",", ".")) for cell in row) > len(row)
 
 
 def _separator(line: str) -> str:
@@ -193,6 +205,41 @@ def _fast(body: list[str], separator: str, names: list[str]) -> dict[str, np.nda
     return {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
 
 
+def _units(body: list[str], separator: str, count: int) -> list[str]:
+    """Return the ``count`` units in the first line below the header; [] if it contains none."""
+    units = [cell.strip() for cell in _cells(body[0], separator)] if len(body) > 1 else []
+    is_text = len(units) == count and not any(_is_number(u.replace(",", ".")) for u in units)
+    if not is_text or all(u.lower() in EMPTY for u in units):
+        return []
+    return units if _mostly_numbers(_cells(body[1], separator)) else []
+
+
+def _whole_lines(
+    path: Path,
+    body: list[str],
+    numbers: list[int],
+    separator: str,
+    names: list[str],
+    warnings: list[str],
+) -> tuple[list[str], list[int]]:
+    """Return lines and line numbers without the lines whose number of cells is not the header's.
+
+    Raises RecordingError if they are more than `LOST_LINES`. Other arguments: see `_exact`.
+    """
+    wrong = [k for k, line in enumerate(body) if len(_cells(line, separator)) != len(names)]
+    if not wrong:
+        return body, numbers
+    first = numbers[wrong[0]]
+    if len(wrong) > LOST_LINES * len(body):
+        raise _ragged(path, first, _cells(body[wrong[0]], separator), names, separator)
+    warnings.append(
+        f"{len(wrong)} of {len(body)} lines do not have {len(names)} cells and were left out as "
+        f"lost samples; the first is line {first}."
+    )
+    kept = np.delete(np.arange(len(body)), wrong)
+    return [body[k] for k in kept], [numbers[k] for k in kept]
+
+
 def _exact(
     path: Path,
     body: list[str],
@@ -204,13 +251,10 @@ def _exact(
     """Return the log's columns, parsed cell by cell. An empty cell becomes NaN.
 
     Text in a column with an unknown name removes that column with a warning. Text in another column
-    or a line with a wrong number of cells raises RecordingError.
-    ``numbers``: the line numbers of ``body``. Warnings are appended to ``warnings``.
+    raises RecordingError. ``numbers``: the line numbers of ``body``. Warnings are appended to
+    ``warnings``.
     """
     rows = [_cells(line, separator) for line in body]
-    for number, row in zip(numbers, rows, strict=True):
-        if len(row) != len(names):
-            raise _ragged(path, number, row, names, separator)
     columns: dict[str, np.ndarray] = {}
     for i, name in enumerate(names):
         values = np.full(len(rows), np.nan)

@@ -28,7 +28,8 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.joined_tables import CLOCK_NAMES, rises
+from heli3dof.recording.logs.joined_tables import CLOCK_NAMES
+from heli3dof.recording.logs.known_names import rises
 from heli3dof.recording.logs.log_validation import MIN_SAMPLES
 from heli3dof.recording.logs.matlab.variables import Opaque
 from heli3dof.rig.log_columns import KNOWN
