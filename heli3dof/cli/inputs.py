@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.cli.options import log_profile
 from heli3dof.cli.output import Output
-from heli3dof.errors import RecordingError, UsageError, nearest, quoted
+from heli3dof.errors import UsageError, nearest, quoted
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
@@ -29,15 +29,6 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
     used = log_profile(profile)
     loaded = []
     for path in paths:
-        if path.suffix in (".json", ".toml") and path.is_file():
-            is_model = path.suffix == ".json"
-            raise RecordingError(
-                f"{path} is not a recording: its name is that of a "
-                f"{'model file' if is_model else 'profile or a plan'}.",
-                cause="another kind of file was given in place of a recording.",
-                fix=f"heli3dof compare REC... {quoted(path)}, to compare a model"
-                if is_model else f"--profile {quoted(path)}, or heli3dof run {quoted(path)}",
-            )  # fmt: skip
         recording = load(path, used)
         for warning in recording.meta.get("warnings", ()):
             out.warn(f"{path.name}: {warning}")

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import RecordingError, UsageError, did_you_mean, quoted, why_missing
+from heli3dof.errors import RecordingError, UsageError, did_you_mean, no_file, quoted
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import check_ending, write_file
 
@@ -102,15 +102,12 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise RecordingError(
-            f"There is no model file {path}.",
-            cause=why_missing(path),
-            fix=f"ls {quoted(path.parent)}",
-        ) from None
+        raise no_file(path, "model file", RecordingError) from None
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        where = "" if isinstance(error, UnicodeDecodeError) else f" ({error})"
         raise _unusable(
             path,
-            f"is not JSON ({error})",
+            f"is not JSON{where}",
             "it is another kind of file (a recording?) or was cut short.",
             "give the .json that heli3dof identify wrote",
         ) from None
