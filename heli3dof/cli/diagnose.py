@@ -155,10 +155,11 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
     """End the command with RecordingError's exit code; with ``--quiet``, print the faults first."""
+    from heli3dof.report.text.diagnosis_sentences import faults
+
     if out.quiet:
-        for fault in result.faults:
-            fix = f" Try: {fault.fix}" if fault.fix else ""
-            out.fail(f"{fault.recording}: {fault.sentence}{fix}")
+        for sentence in faults({"integrity": [f.to_dict() for f in result.faults]}):
+            out.fail(sentence)
     raise typer.Exit(RecordingError.exit_code)
 
 

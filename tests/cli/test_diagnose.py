@@ -88,7 +88,7 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
     assert finding["gain"]["holdout_log_likelihood_interval"][0] > 50
     assert result.document["verdict"] == "explained"
-    for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE after refitting"):
+    for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE on blocks left out"):
         assert words in result.err
     assert "Screening against 8 null simulations …\n" in result.err
     assert "Candidate: stiffness.cable.yaw.\n" in result.err

@@ -29,7 +29,7 @@ def diagnosis_summary(document: Document) -> list[str]:
         *words.calibration_change(document),
         *causes(document),
         *_weaker(document),
-        *gain(document),
+        *words.gain(document),
         *words.unmodelled_effects(document),
         *words.slow_noise(document),
         *_next(document),
@@ -67,9 +67,10 @@ def simulation_error(document: Document) -> Iterator[str]:
     known = [axis for axis in AXES if error[axis]["rmse_deg"] is not None]
     parts = []
     for axis in known:
-        floor = error[axis]["noise_floor_deg"]
-        noise = "" if floor is None else f" (noise {fixed(floor, 2, '°')})"
-        parts.append(f"{axis} {fixed(error[axis]['rmse_deg'], 2, '°')}{noise}")
+        floor, rmse = error[axis]["noise_floor_deg"], error[axis]["rmse_deg"]
+        size = f" {fixed(floor, 2, '°')}" if floor is not None and rmse > floor else ""
+        noise = "" if floor is None else f" (noise{size})"
+        parts.append(f"{axis} {fixed(rmse, 2, '°')}{noise}")
     if parts:
         seconds = error[known[0]]["horizon_s"]
         yield f"Simulation error, RMSE of {seconds:g} s predictions: {', '.join(parts)}."
@@ -92,14 +93,13 @@ def causes(document: Document) -> Iterator[str]:
             )
         untested = words.untested(document, f)
         known = f["confidence"] is not None and not untested
-        sure = f" (confidence {percent(f['confidence'])})" if known else ""
         others = [str(x) for x in f["tied_with"]]
-        confounded = (
-            f"; or {listed(others, 'or')}, indistinguishable in these recordings" if others else ""
-        )
+        confounded = f"; or {listed(others, 'or')}, indistinguishable here" if others else ""
+        what = "one of them acts: " if others else ""
+        sure = f" ({what}confidence {percent(f['confidence'])})" if known else ""
         like = "; likely, not confirmed" if f.get("like") else ""
         like = "; not tested (--quick)" if untested else like
-        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
+        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{confounded}{sure}{like}."
 
 
 def _weaker(document: Document) -> list[str]:
@@ -110,14 +110,6 @@ def _weaker(document: Document) -> list[str]:
 def _once_each(document: Document) -> list[Document]:
     """Return the causes, each effect once: jitter of several recordings is one cause."""
     return list({name_of(f): f for f in reversed(document["findings"])}.values())[::-1]
-
-
-def gain(document: Document) -> Iterator[str]:
-    """Yield a line with the RMSE without and with the causes; nothing without causes."""
-    if not words.adopted(document):
-        return
-    where, falls = words.measured_on(document), words.before_and_after(document["gain"])
-    yield f"RMSE after refitting, without → with these causes, on {where}: {falls}."
 
 
 def _next(document: Document) -> list[str]:
