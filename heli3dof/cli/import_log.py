@@ -80,7 +80,7 @@ def import_log(
     log = read_log(logs, rig_profile(profile), columns, given)
     found = preview(log.table)
     out.show(*_lines(found))
-    if given:
+    if given and output is None:
         out.show(*_profile_table(given, profile))
     recording = recording_of(log)
     for warning in recording.meta.get("warnings", ()):
