@@ -28,7 +28,6 @@ from heli3dof.cli.output import Output, stages, verb
 from heli3dof.errors import RecordingError
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.integrity import Fault
     from heli3dof.recording.recording import Recording
 
@@ -82,11 +81,10 @@ def diagnose(
     test, test_faults = _load(out, holdout or [], profile)
     if faults or test_faults:
         names = tuple(map(stem, recordings)), tuple(map(stem, holdout or []))
-        refused = Diagnosis(*names, "bad_data", (*faults, *test_faults))
-        document = to_document(refused)
+        document = to_document(Diagnosis(*names, "bad_data", (*faults, *test_faults)))
         show_diagnosis(out, document, verbose=verbose)
         out.emit(document)
-        _end_with_bad_data(out, refused)
+        _end_with_bad_data(out, document)
     check_same_rig([*train, *test])
     written = upcoming = None
     with stages(out) as stage, replications_on_cluster(cluster):
@@ -114,7 +112,7 @@ def diagnose(
         out.note("For all tables add --verbose, for figures --report FILE.html")
     out.emit(document)
     if result.verdict == "bad_data":
-        _end_with_bad_data(out, result)
+        _end_with_bad_data(out, document)
 
 
 def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
@@ -153,12 +151,12 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
     out.show(*(diagnosis_tables(document) if verbose else diagnosis_summary(document)))
 
 
-def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
+def _end_with_bad_data(out: Output, document: Mapping[str, Any]) -> NoReturn:
     """End the command with RecordingError's exit code; with ``--quiet``, print the faults first."""
-    from heli3dof.report.text.diagnosis_sentences import faults
+    from heli3dof.report.text.diagnosis_summary import faults
 
     if out.quiet:
-        for sentence in faults({"integrity": [f.to_dict() for f in result.faults]}):
+        for sentence in faults(document):
             out.fail(sentence)
     raise typer.Exit(RecordingError.exit_code)
 

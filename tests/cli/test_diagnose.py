@@ -195,6 +195,8 @@ def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_
     assert "radians" in fault["cause"]
     assert "roll_rad" in fault["fix"]
     assert "Verdict: bad data" in bad.err
+    quiet = heli3dof("diagnose", log, "--profile", RIG, "-o", tmp_path / "m.json", "--quiet")
+    assert fault["fix"] in quiet.err
 
 
 def test_swapped_columns_that_look_like_a_wrong_unit_are_named(
