@@ -67,8 +67,14 @@ def diagnose(
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.diagnosis.planning.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
-    from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
+    from heli3dof.model.model_file import model_bytes
+    from heli3dof.recording.atomic_write import (
+        check_ending,
+        check_outputs,
+        default_output,
+        stem,
+        write_file,
+    )
     from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
@@ -92,8 +98,9 @@ def diagnose(
             train, test or None, quick=quick, seed=seed, progress=stage, base=base.value
         )
         if result.fitted is not None:
-            path = output or default_output(name, force=force)
-            written = str(save_model(result.fitted.model, path, force=force))
+            data = model_bytes(result.fitted.model)
+            path = output or default_output(name, force=force, data=data)
+            written = str(write_file(path, data, force=force or output is None))
             if not quick:
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)

@@ -32,16 +32,14 @@ def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
     instance another format's ending, such as .mat) or NoSpace if it cannot be written.
     """
     check_ending(Path(path), ".json")
-    return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
+    return write_file(Path(path), model_bytes(model), force=force)
 
 
-def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
-    """Write ``data`` to ``path`` as JSON and return the path; ``force`` overwrites a file.
-
-    After a crash, the file is complete: it is the old one or the new one.
-    """
-    text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
+def model_bytes(model: Model) -> bytes:
+    """Return the content of the model's file."""
+    data = jsonable({"schema": SCHEMA, **model.to_dict()})
+    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return text.encode("utf-8", "backslashreplace")
 
 
 def read_model(path: str | Path) -> Model:

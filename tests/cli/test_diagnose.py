@@ -164,6 +164,16 @@ def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
     assert path.read_bytes() == before
 
 
+def test_the_same_diagnosis_again_writes_no_second_model(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(module, "QUICK", module.QUICK._replace(nulls=2, correction=2))
+    for _ in range(2):
+        assert heli3dof("diagnose", flight, "--quick", "--quiet").code == 0
+    assert [p.name for p in Path().iterdir()] == ["cable-extended.json"]
+
+
 def test_a_bad_recording_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
