@@ -130,21 +130,21 @@ def minus(text: str) -> str:
     return re.sub(r"(?<![\w./-])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text)
 
 
-def why_missing(path: Path) -> str:
-    """Return the likely reason why ``path`` does not exist, and a similar file's name, if any."""
+def no_file(
+    path: Path, kind: str = "file", error: type[Heli3dofError] = UsageError
+) -> Heli3dofError:
+    """Return the ``error`` for a path at which there is no file of this ``kind``.
+
+    It names the file with the most similar name; without one, the command that lists the folder.
+    """
     names = []
     if path.parent.is_dir():
         names = [p.name for p in path.parent.iterdir() if p.is_file()]
     near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
-    if near:
-        return f"a typing error; did you mean {path.parent / near[0]}?"
-    return "a typing error in the path, or another working directory."
-
-
-def no_file(path: Path) -> UsageError:
-    """Return the error for a path at which there is no file."""
-    return UsageError(
-        f"There is no file {path}.",
-        cause=why_missing(path),
-        fix=f"ls {quoted(path.parent)}",
+    return error(
+        f"There is no {kind} {path}.",
+        cause=f"a typing error; did you mean {path.parent / near[0]}?"
+        if near
+        else "a typing error in the path, or another working directory.",
+        fix="" if near else f"ls {quoted(path.parent)}",
     )

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Validat
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
-from heli3dof.errors import UsageError, did_you_mean, nearest, quoted, why_missing
+from heli3dof.errors import UsageError, did_you_mean, nearest, no_file, quoted
 
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -156,15 +156,17 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
+        raise no_file(path, what, error) from None
+    except UnicodeDecodeError:
         raise error(
-            f"There is no {what} {path}.",
-            cause=why_missing(path),
-            fix=f"ls {quoted(path.parent)}",
+            f"{path} is not a {what}: it is not a text file in UTF-8.",
+            cause="it is another kind of file (a recording?), or its text has another encoding.",
+            fix=f"give a {what} file (.toml)",
         ) from None
-    except (OSError, UnicodeDecodeError) as problem:
+    except OSError as problem:
         raise error(
-            f"The {what} {path} cannot be read: {problem}.",
-            cause="it is a folder, not text, or not readable for you.",
+            f"The {what} {path} cannot be read: {problem.strerror}.",
+            cause="it is a folder, or not readable for you.",
             fix=f"ls -l {quoted(path)}",
         ) from problem
     except (tomllib.TOMLDecodeError, RecursionError) as problem:

@@ -8,9 +8,11 @@ Verbs import heavy libraries inside their functions, so that ``heli3dof --help``
 
 from __future__ import annotations
 
+import difflib
 import os
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Annotated, Any
 
@@ -52,15 +54,51 @@ class Verbs(TyperGroup):
             cause = getattr(error, "__cause__", None)
             if isinstance(cause, KeyboardInterrupt):
                 raise cause from None
-            if isinstance(error, ParserError) and "--json" in words:
-                where = getattr(error, "ctx", None)
-                Output(as_json=True).emit_error(
+            if isinstance(error, ParserError):
+                where, out = getattr(error, "ctx", None), Output(as_json="--json" in words)
+                for hint in self._hints(error, words):
+                    out.note(hint)
+                out.emit_error(
                     error.format_message(),
                     "an option or an argument is misspelt, missing or out of range.",
                     f"{where.command_path if where else 'heli3dof'} --help",
                     error.exit_code,
                 )
             raise
+
+    def _hints(self, error: Any, words: Sequence[str]) -> Iterator[str]:
+        """Yield sentences that help to correct an error of the option parser."""
+        verb = next((w for w in words if w in self.commands), None)
+        if verb is None or error.ctx is None:
+            return
+        if error.ctx.parent is None:
+            if "No such option" in error.format_message():
+                yield f"Options follow the verb: heli3dof {verb} --help lists them"
+            return
+        if re.search("valid (number|float)", error.format_message()):  # typer's words
+            yield "A number has a decimal point and no unit."
+        help_text = error.ctx.command.help or ""
+        example = re.search(rf"heli3dof {verb}\b.*?(?=\.?$|, or )", help_text, re.M)
+        if example:
+            yield f"Example: {example[0]}"
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return a subcommand's name, the subcommand and its arguments.
+
+        If there is none of this name, the error names those whose help contains the word, else
+        those with a similar name.
+        """
+        word = args[0]
+        if word not in self.commands and not word.startswith("-"):
+            mention = re.compile(rf"\b{re.escape(word)}\b", re.I)
+            meant = [n for n in self.list_commands(ctx) if mention.search(self._short_help(n))]
+            meant = meant or difflib.get_close_matches(word, self.commands, cutoff=0.7)
+            hint = f" Did you mean {' or '.join(map(repr, meant))}?" if meant else ""
+            ctx.fail(f"No such command {word!r}.{hint}")
+        return super().resolve_command(ctx, args)
+
+    def _short_help(self, name: str) -> str:
+        return str(self.commands[name].get_short_help_str(limit=200)).partition(":")[0]
 
     def list_commands(self, ctx: Any) -> list[str]:
         def rank(verb: str) -> tuple[int, bool, str, str]:

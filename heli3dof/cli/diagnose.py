@@ -26,7 +26,6 @@ from heli3dof.cli.output import Output, stages, verb
 from heli3dof.errors import RecordingError
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.integrity import Fault
     from heli3dof.recording.recording import Recording
 
@@ -65,8 +64,14 @@ def diagnose(
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.diagnosis.planning.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
-    from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
+    from heli3dof.model.model_file import model_bytes
+    from heli3dof.recording.atomic_write import (
+        check_ending,
+        check_outputs,
+        default_output,
+        stem,
+        write_file,
+    )
     from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
@@ -78,11 +83,10 @@ def diagnose(
     test, test_faults = _load(out, holdout or [], profile)
     if faults or test_faults:
         names = tuple(map(stem, recordings)), tuple(map(stem, holdout or []))
-        refused = Diagnosis(*names, "bad_data", (*faults, *test_faults))
-        document = to_document(refused)
+        document = to_document(Diagnosis(*names, "bad_data", (*faults, *test_faults)))
         show_diagnosis(out, document, verbose=verbose)
         out.emit(document)
-        _end_with_bad_data(out, refused)
+        _end_with_bad_data(out, document)
     check_same_rig([*train, *test])
     written = upcoming = None
     with stages(out) as stage, replications_on_cluster(cluster):
@@ -90,8 +94,9 @@ def diagnose(
             train, test or None, quick=quick, seed=seed, progress=stage, base=base.value
         )
         if result.fitted is not None:
-            path = output or default_output(name, force=force)
-            written = str(save_model(result.fitted.model, path, force=force))
+            data = model_bytes(result.fitted.model)
+            path = output or default_output(name, force=force, data=data)
+            written = str(write_file(path, data, force=force or output is None))
             if not quick:
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)
@@ -110,7 +115,7 @@ def diagnose(
         out.note("For all tables add --verbose, for figures --report FILE.html")
     out.emit(document)
     if result.verdict == "bad_data":
-        _end_with_bad_data(out, result)
+        _end_with_bad_data(out, document)
 
 
 def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
@@ -148,12 +153,13 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
     out.show(*(diagnosis_tables(document) if verbose else diagnosis_summary(document)))
 
 
-def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
+def _end_with_bad_data(out: Output, document: Mapping[str, Any]) -> NoReturn:
     """End the command with RecordingError's exit code; with ``--quiet``, print the faults first."""
+    from heli3dof.report.text.diagnosis_summary import faults
+
     if out.quiet:
-        for fault in result.faults:
-            fix = f" Try: {fault.fix}" if fault.fix else ""
-            out.fail(f"{fault.recording}: {fault.sentence}{fix}")
+        for sentence in faults(document):
+            out.fail(sentence)
     raise typer.Exit(RecordingError.exit_code)
 
 

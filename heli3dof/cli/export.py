@@ -67,8 +67,8 @@ def export(
             f"-o {quoted(recording.stem)}.mcap",
         )
     if recording.exists():
-        check_format(path)
         check_outputs(path, view, force=force, inputs=[recording])
+        check_format(path)
     loaded = load(recording, log_profile(profile), columns)
     written = export(loaded, path, force=force)
     document = {"schema": "heli3dof.export/1", "file": str(written), "samples": len(loaded)}

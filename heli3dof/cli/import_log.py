@@ -80,7 +80,7 @@ def import_log(
     log = read_log(logs, rig_profile(profile), columns, given)
     found = preview(log.table)
     out.show(*_lines(found))
-    if given:
+    if given and output is None:
         out.show(
             f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:",
             "[log]",

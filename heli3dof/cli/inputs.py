@@ -29,15 +29,6 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
     used = log_profile(profile)
     loaded = []
     for path in paths:
-        if path.suffix in (".json", ".toml") and path.is_file():
-            is_model = path.suffix == ".json"
-            raise RecordingError(
-                f"{path} is not a recording: its name is that of a "
-                f"{'model file' if is_model else 'profile or a plan'}.",
-                cause="another kind of file was given in place of a recording.",
-                fix=f"heli3dof compare REC... {quoted(path)}, to compare a model"
-                if is_model else f"--profile {quoted(path)}, or heli3dof run {quoted(path)}",
-            )  # fmt: skip
         try:
             recording = load(path, used)
         except RecordingError as error:

@@ -214,6 +214,8 @@ def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int
     if is_private(url):  # an emulated rig, whose options are checked when it is opened
         load_driver(url.scheme).open(url, profile).close()
     signals = prepare(plan, profile, seed)
+    for warning in signals.warnings(profile):
+        out.warn(warning)
     out.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
     out.show("The plan stays within the limits, and the gain stabilises the hover model.")
     for line in plan.summary():

@@ -205,7 +205,7 @@ def forward_selection(
     score, remaining = max(inertias, default=None), MAX_CAUSES
     while remaining:
         n = effort.later_nulls if steps else effort.nulls
-        nulls = f"against {n} null simulations" if setup.controller_is_known else "every candidate"
+        nulls = f"against {n} null simulations" if fit.is_corrected else "every candidate"
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = screening_step(setup, fit, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")

@@ -126,8 +126,12 @@ def fly_plan(
     began_ns = command_began_ns()
     if output is not None:
         check_ending(Path(output), ".mcap")
+        if Path(output).suffix.lower() != ".mcap":
+            warn(f"{output} will be an MCAP recording; usually its name ends in .mcap.")
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
+    for text in signals.warnings(profile):
+        warn(text)
     device = with_seed(device, seed)
     live = live or Live()
     with open_rig(device, profile, also=lambda: _progress(live), began_ns=began_ns) as rig:

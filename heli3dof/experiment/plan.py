@@ -27,6 +27,9 @@ from heli3dof.experiment.segments import BaseSegment, Clock, kinds
 from heli3dof.rig.profile import Profile
 from heli3dof.toml_file import Key, Section, check, read_toml
 
+MIN_COUNTS = 2.0
+"""Encoder counts; a smaller motion of the reference may come from an angle in radians. Chosen."""
+
 
 @dataclass(frozen=True, eq=False)
 class Signals:
@@ -42,6 +45,17 @@ class Signals:
     """(N, 3) mode of each axis's loop (`model.control.loop_opening`); None: all closed"""
     drawn: bool = False
     """True if the signals depend on the seed"""
+
+    def warnings(self, profile: Profile) -> list[str]:
+        """Return a warning for each axis whose reference moves by less than `MIN_COUNTS`."""
+        moves, counts = np.abs(self.reference).max(axis=0), np.abs(profile.encoder.rad_per_count)
+        return [
+            f"{axis}'s reference moves by {np.degrees(move):.2g}° only, {move / count:.1f} "
+            f"encoder counts. Angles are in degrees: {np.degrees(move):.2g} rad would be "
+            f"{np.degrees(np.degrees(move)):.2g}°."
+            for axis, move, count in zip(AXES, moves, counts, strict=True)
+            if 0 < move < MIN_COUNTS * count
+        ]
 
 
 class Head(Section):

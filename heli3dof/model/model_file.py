@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import RecordingError, UsageError, did_you_mean, quoted, why_missing
+from heli3dof.errors import RecordingError, UsageError, did_you_mean, no_file, quoted
 from heli3dof.json_values import jsonable
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import check_ending, write_file
@@ -30,16 +29,14 @@ def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
     instance another format's ending, such as .mat) or NoSpace if it cannot be written.
     """
     check_ending(Path(path), ".json")
-    return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
+    return write_file(Path(path), model_bytes(model), force=force)
 
 
-def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
-    """Write ``data`` to ``path`` as JSON and return the path; ``force`` overwrites a file.
-
-    After a crash, the file is complete: it is the old one or the new one.
-    """
-    text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
+def model_bytes(model: Model) -> bytes:
+    """Return the content of the model's file."""
+    data = jsonable({"schema": SCHEMA, **model.to_dict()})
+    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return text.encode("utf-8", "backslashreplace")
 
 
 def read_model(path: str | Path) -> Model:
@@ -100,15 +97,12 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise RecordingError(
-            f"There is no model file {path}.",
-            cause=why_missing(path),
-            fix=f"ls {quoted(path.parent)}",
-        ) from None
+        raise no_file(path, "model file", RecordingError) from None
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        where = "" if isinstance(error, UnicodeDecodeError) else f" ({error})"
         raise _unusable(
             path,
-            f"is not JSON ({error})",
+            f"is not JSON{where}",
             "it is another kind of file (a recording?) or was cut short.",
             "give the .json that heli3dof identify wrote",
         ) from None

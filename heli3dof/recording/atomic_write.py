@@ -167,19 +167,19 @@ def _check_name(path: Path, *, force: bool) -> None:
         )
 
 
-def default_output(path: Path, *, force: bool) -> Path:
+def default_output(path: Path, *, force: bool, data: bytes | None = None) -> Path:
     """Return the path of an output for which ``-o`` is omitted; ``path`` is its default name.
 
-    With ``force`` the result is ``path``, which the caller overwrites; without, a free name
-    (`unused`).
+    With ``force`` the result is ``path``, which the caller overwrites; without, a free name or that
+    of a file with the content ``data`` (`unused`).
     """
-    return path if force else unused(path)
+    return path if force else unused(path, data)
 
 
-def unused(path: Path) -> Path:
-    """Return ``path`` if it does not exist, else a free name: ``a-2.json``, ``a-3.json``, …"""
+def unused(path: Path, data: bytes | None = None) -> Path:
+    """Return the first of ``a.json``, ``a-2.json``, … that does not exist or contains ``data``."""
     k, free = 1, path
-    while free.exists():
+    while free.exists() and not (data is not None and free.is_file() and free.read_bytes() == data):
         k += 1
         free = path.with_name(f"{path.stem}-{k}{path.suffix}")
     return free

@@ -166,6 +166,25 @@ def test_an_error_of_the_option_parser_is_a_json_document(
     assert document["fix"].endswith("--help")
 
 
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("run-step", "10"), "Example: heli3dof run-step --roll 10\n"),
+        (("run-step", "--roll", "10,5"), "A number has a decimal point and no unit.\n"),
+        (("run", "--bogus"), "Example: heli3dof run steps\n"),
+        (("--quiet", "run-step"), "Options follow the verb: heli3dof run-step --help"),
+        (("convert",), "Did you mean 'export' or 'import'?"),
+        (("dignose",), "Did you mean 'diagnose'?"),
+    ],
+)
+def test_an_error_of_the_option_parser_has_a_hint(words: tuple[str, ...], hint: str) -> None:
+    assert hint in heli3dof(*words).err
+
+
+def test_a_verb_that_resembles_none_gets_no_guess() -> None:
+    assert "Did you mean" not in heli3dof("next").err
+
+
 def test_an_interrupted_command_prints_a_json_document(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

@@ -276,13 +276,15 @@ def test_a_negative_seed_is_a_usage_error(tmp_path: Path) -> None:
         (("recover", "rig 1/whole.mcap"), "heli3dof info 'rig 1/whole.mcap'"),
         (("identify", "rig 1/torn.mcap"), "heli3dof recover 'rig 1/torn.mcap'"),
         (("info", "rig 1/torn.mcap"), "heli3dof recover 'rig 1/torn.mcap'"),
-        (("info", "rig 1/none.mcap"), "ls 'rig 1'"),
+        (("info", "rig 1/0815.mcap"), "ls 'rig 1'"),
         (("info", "rig 1"), "ls 'rig 1'"),
+        (("info", "rig 1/m.json"), "heli3dof compare REC... 'rig 1/m.json'"),
         (("import", "rig 1/log.csv"), "heli3dof import 'rig 1/log.csv' --profile PROFILE.toml"),
-        (("run", "rig 1/none.toml"), "ls 'rig 1'"),
-        (("simulate", "rich", "--model", "rig 1/none.json"), "ls 'rig 1'"),
+        (("run", "rig 1/0815.toml"), "ls 'rig 1'"),
+        (("simulate", "rich", "--model", "rig 1/0815-4711.json"), "ls 'rig 1'"),
         (("export", "rig 1/whole.mcap", "-o", "no dir/x.csv"), "mkdir -p 'no dir'"),
         (("recover", "rig 1/torn.mcap", "-o", "rig 1"), "-o 'rig 1/recording.mcap'"),
+        (("export", "rig 1/whole.mcap", "-o", "rig 1"), "-o 'rig 1/recording.mcap'"),
         (("batch", "identify", "rig 1/*.xyz", "-o", "out"), "ls 'rig 1/'*.xyz"),
     ],
 )  # fmt: skip
@@ -294,7 +296,24 @@ def test_names_with_spaces_are_quoted_in_commands(
     whole = recording(Path("rig 1/whole.mcap"))
     Path("rig 1/torn.mcap").write_bytes(whole.read_bytes()[:-100])
     Path("rig 1/log.csv").write_text(log(n=10), encoding="utf-8")
+    Path("rig 1/m.json").write_text("{}", encoding="utf-8")
     assert fix in heli3dof(*words, "--json").document["fix"]
+
+
+def test_a_similar_name_replaces_the_command_that_lists_the_folder(tmp_path: Path) -> None:
+    recording(tmp_path / "cable.mcap")
+    error = heli3dof("info", tmp_path / "cabel.mcap", "--json").document
+    assert f"did you mean {tmp_path / 'cable.mcap'}?" in error["cause"]
+    assert error["fix"] == ""
+
+
+@pytest.mark.parametrize("option", ["--model", "--profile"])
+def test_a_recording_given_as_model_or_profile_is_named(option: str, tmp_path: Path) -> None:
+    given = tmp_path / "rec.mcap"
+    given.write_bytes(b"\x89MCAP0\r\n\xff")
+    error = heli3dof("simulate", "steps", option, given, "--json").document
+    assert "codec" not in error["error"]
+    assert "another kind of file (a recording?)" in error["cause"]
 
 
 def test_a_profile_and_a_plan_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
     assert finding["gain"]["holdout_log_likelihood_interval"][0] > 50
     assert result.document["verdict"] == "explained"
-    for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE after refitting"):
+    for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE on blocks left out"):
         assert words in result.err
     assert "Screening against 8 null simulations …\n" in result.err
     assert "Candidate: stiffness.cable.yaw.\n" in result.err
@@ -164,6 +164,16 @@ def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
     assert path.read_bytes() == before
 
 
+def test_the_same_diagnosis_again_writes_no_second_model(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(module, "QUICK", module.QUICK._replace(nulls=2, correction=2))
+    for _ in range(2):
+        assert heli3dof("diagnose", flight, "--quick", "--quiet").code == 0
+    assert [p.name for p in Path().iterdir()] == ["cable-extended.json"]
+
+
 def test_a_bad_recording_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -195,6 +205,8 @@ def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_
     assert "radians" in fault["cause"]
     assert "roll_rad" in fault["fix"]
     assert "Verdict: bad data" in bad.err
+    quiet = heli3dof("diagnose", log, "--profile", RIG, "-o", tmp_path / "m.json", "--quiet")
+    assert fault["fix"] in quiet.err
 
 
 def test_swapped_columns_that_look_like_a_wrong_unit_are_named(

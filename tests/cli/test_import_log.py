@@ -54,6 +54,7 @@ def test_without_an_output_only_the_preview_is_printed(raw: tuple[str, str]) -> 
 
 def test_the_printed_table_keeps_the_mapping_in_a_profile(raw: tuple[str, str]) -> None:
     shown = heli3dof("import", *raw, "--profile", RIG, *MAP).out
+    assert "[log]" not in heli3dof("import", *raw, "--profile", RIG, *MAP, "-o", "rec.mcap").out
     table = shown[shown.index("[log]") :]
     assert tomllib.loads(table)["log"]["roll_deg"] == "degrees(x_enc[1])"
     Path("rig.toml").write_text(f"{RIG.read_text()}\n{table}")

@@ -33,3 +33,16 @@ def test_the_device_is_disarmed_before_the_recording_is_finished(
     monkeypatch.setattr(RecordingWriter, "outcome", written)
     fly_plan(SHORT, device="mock:?speed=max&start=level", output=tmp_path / "f.mcap")
     assert order[:2] == ["device", "recording"]
+
+
+def test_a_flight_warns_of_a_step_below_two_counts_and_of_an_unusual_ending(tmp_path: Path) -> None:
+    said: list[str] = []
+    plan = step_plan(roll=0.17, settle_s=0.2, duration_s=0.2)  # 10° in rad; a count is 0.088°
+    rig = "mock:?speed=max&start=level"
+    fly_plan(plan, device=rig, output=tmp_path / "f.txt", warn=said.append)
+    ending, step = said
+    assert "f.txt will be an MCAP recording" in ending
+    assert "roll's reference moves by 0.17° only, 1.9 encoder counts" in step
+    assert "0.17 rad would be 9.7°" in step
+    fly_plan(SHORT, device=rig, output=tmp_path / "f.mcap", warn=said.append)
+    assert len(said) == 2

@@ -86,6 +86,8 @@ def test_a_default_name_is_numbered_if_it_exists(tmp_path: Path) -> None:
     assert unused(ours).name == "a-extended-2.json"
     unused(ours).touch()
     assert unused(ours).name == "a-extended-3.json"
+    assert unused(ours, b"").name == "a-extended.json"
+    assert unused(ours, b"other").name == "a-extended-3.json"
 
 
 def test_a_file_name_is_one_component_of_a_path() -> None:

@@ -30,7 +30,7 @@ import numpy as np
 from heli3dof.diagnosis.constants import MAX_COMPARED, QUANTILE_975
 from heli3dof.diagnosis.free_run.elimination import NORMAL
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
+from heli3dof.diagnosis.planning.plan_flights import flights_needed, fly_task, is_stable, task_of
 from heli3dof.diagnosis.result import (
     MIN_CERTAINTY,
     NextExperiment,
@@ -109,9 +109,7 @@ def next_free_flight(
     if not significances:
         return None
     outlooks = (
-        PlanForecast(
-            name, T, tuple(x**2 for x in u), float(np.mean([probability_significant(x) for x in u]))
-        )
+        PlanForecast(name, T, tuple(x**2 for x in u), _certainty([x**2 for x in u]))
         for name, (T, u) in significances.items()
     )
     ranking = sorted(outlooks, key=lambda o: -o.certainty / o.duration_s)
@@ -195,5 +193,13 @@ def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) ->
         f"of this plan find {each}"
     )
     if best.certainty < MIN_CERTAINTY:
-        return f"{text}. No other plan finds more per second, but one flight is hardly enough"
+        text += f". {flights_needed(lambda flights: _certainty(best.margins, flights))}"
     return text
+
+
+def _certainty(margins: Sequence[float], flights: int = 1) -> float:
+    """Return the mean probability that the parameters are significant after some flights.
+
+    ``margins``: u² of one flight for each parameter; those of several flights add.
+    """
+    return float(np.mean([probability_significant(math.sqrt(flights * m)) for m in margins]))

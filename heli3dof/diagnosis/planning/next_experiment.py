@@ -26,7 +26,13 @@ import numpy as np
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
-from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
+from heli3dof.diagnosis.planning.plan_flights import (
+    Task,
+    flights_needed,
+    fly_task,
+    is_stable,
+    task_of,
+)
 from heli3dof.diagnosis.result import (
     DOES_NOT_PAY,
     MIN_CERTAINTY,
@@ -48,9 +54,6 @@ from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
-
-MOST_FLIGHTS = 20
-"""Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
 
 
 def fitted_cause(candidate: CandidateFit) -> Probe:
@@ -135,18 +138,22 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [fitted_cause(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
+        known = f"which fits these recordings better, but {DOES_NOT_PAY}"
         open_ = [
             typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
             for x in found.dropped
             if x.why == DOES_NOT_PAY
         ]
-        open_ = open_ or [
-            typical_cause(name) for name in separable_by_flight("", found.not_identifiable)[:1]
-        ]
+        if not open_:
+            known = "which these recordings cannot show, even if it is large"
+            hidden = separable_by_flight("", found.not_identifiable)
+            open_ = [typical_cause(name) for name in hidden[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         recommended = recommend(base, open_[:1], seed=seed)
-        return None if (recommended.certainty or 0.0) < MIN_CERTAINTY else recommended
+        if (recommended.certainty or 0.0) < MIN_CERTAINTY:
+            return None
+        return replace(recommended, why=f"{recommended.why}, {known}")
     except UsageError:
         return None
 
@@ -155,38 +162,20 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
     seconds = f"{best.duration_s:.0f} s"
     if len(names) == 1:
         return (
-            f"in simulation, {seconds} of this plan give {names[0]} a score of {best.margin:.0f} "
-            f"({percent(best.certainty)} probability of a decision)"
+            f"in simulation, {seconds} of this plan decide with a probability of "
+            f"{percent(best.certainty)} whether the rig has {names[0]}"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
     if best.certainty < MIN_CERTAINTY:
         return (
             f"no plan separates {what} well. In simulation, {seconds} of this plan do so by a "
-            f"margin of {best.margin:.0f}, more than any other plan. {_flights_needed(best.margin)}"
+            f"margin of {best.margin:.0f}, more than any other plan. "
+            + flights_needed(lambda flights: _probability_decided(flights * best.margin))
         )
     return (
         f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f} "
         f"({percent(best.certainty)} probability of a decision)"
     )
-
-
-def _flights_needed(margin: float) -> str:
-    """Return, as text, how many flights are needed to decide between two causes.
-
-    After this number of flights, a decision has at least the probability `MIN_CERTAINTY`
-    (`_probability_decided`). ``margin``: twice the expected log-likelihood ratio of one flight;
-    those of several flights add.
-
-    >>> _flights_needed(2.0)
-    '3 such flights decide with a probability of 50 %. Or measure one effect by hand'
-    >>> _flights_needed(0.1)
-    'Not even 20 such flights decide with a probability of 50 %: measure one effect by hand'
-    """
-    decide = f"such flights decide with a probability of {percent(MIN_CERTAINTY)}"
-    for flights in range(2, MOST_FLIGHTS + 1):
-        if _probability_decided(flights * margin) >= MIN_CERTAINTY:
-            return f"{flights} {decide}. Or measure one effect by hand"
-    return f"Not even {MOST_FLIGHTS} {decide}: measure one effect by hand"
 
 
 def _probability_decided(margin: float) -> float:

@@ -7,10 +7,12 @@ motion (`heli3dof.model.control.loop_opening`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.result import MIN_CERTAINTY, percent
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.simulate import simulate
@@ -21,6 +23,9 @@ from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import Profile
+
+MOST_FLIGHTS = 20
+"""Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,3 +97,20 @@ def _reference_recording(task: Task) -> Recording:
         reference=s.reference, voltage_extra=s.extra,
         channels={"phase": np.full(n, float(CLOSED_LOOP))},
     )  # fmt: skip
+
+
+def flights_needed(certainty: Callable[[int], float]) -> str:
+    """Return, as text, the number of flights after which a decision is likely (`MIN_CERTAINTY`).
+
+    ``certainty`` returns the probability of a decision after a number of flights.
+
+    >>> flights_needed(lambda flights: flights / 6)
+    '3 such flights decide with a probability of 50 %. Or measure one effect by hand'
+    >>> flights_needed(lambda flights: 0.1)
+    'Not even 20 such flights decide with a probability of 50 %: measure one effect by hand'
+    """
+    decide = f"such flights decide with a probability of {percent(MIN_CERTAINTY)}"
+    for flights in range(2, MOST_FLIGHTS + 1):
+        if certainty(flights) >= MIN_CERTAINTY:
+            return f"{flights} {decide}. Or measure one effect by hand"
+    return f"Not even {MOST_FLIGHTS} {decide}: measure one effect by hand"

@@ -180,13 +180,13 @@ def bonferroni(tests: int) -> float:
     return float(chi2.isf(FALSE_ALARMS / tests, 1))
 
 
-def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the scores' distribution without any effect, by formula instead of simulation."""
+def formula_nulls(fit: CorrectedFit, screen: Screen, why: str) -> Nulls:
+    """Return the scores' distribution without any effect, by formula; ``why`` not by simulation."""
     n = len(screen.names)
     root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(
         np.zeros(n), np.full(n, root), root**2, 2 * bonferroni(n), 1e6, 0,
-        "Bonferroni over the scores, doubled: no flight could be simulated",
+        f"Bonferroni over the scores, doubled: {why}",
     )  # fmt: skip
 
 

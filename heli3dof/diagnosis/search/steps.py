@@ -152,7 +152,9 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
         )
         bias = scores.mean(axis=0)
     else:
-        nulls = formula_nulls(fit, screen)
+        known = setup.controller_is_known
+        why = "flights simulated from the fit diverge" if known else "the controller is unknown"
+        nulls = formula_nulls(fit, screen, why)
     return Step(fit, screen, screen.score(recorded, prior=True), nulls, bias)
 
 

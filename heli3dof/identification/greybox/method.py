@@ -201,8 +201,9 @@ def warnings(found: Estimate) -> tuple[str, ...]:
     ]
     if found.unexplained_scatter > 2:
         out.append(
-            f"The scores scatter {found.unexplained_scatter:.1f} times as much as the noise model "
-            "allows: no term explains some of the motion. Standard deviations account for it, but "
-            "biases remain. Try other terms: heli3dof identify … --terms +NAME"
+            f"The scores scatter {found.unexplained_scatter:.1f} times as much as white noise "
+            "allows: slow torque noise, such as draughts, or an effect without a term moves the "
+            "rig. Standard deviations account for both, but an effect also causes biases. To find "
+            "one: heli3dof diagnose REC"
         )
     return tuple(out)

@@ -35,8 +35,8 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     Rerun is not installed) or NoSpace.
     """
     path = Path(path)
-    check_format(path)
     check_outputs(path, force=force)
+    check_format(path)
     write = next(w for ending, w in FORMATS.items() if path.name.lower().endswith(ending))
     return write_file(path, write(recording, export_columns(recording)), force=force)
 

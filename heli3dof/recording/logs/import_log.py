@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import Heli3dofError, RecordingError, UsageError, quoted
+from heli3dof.errors import Heli3dofError, RecordingError, UsageError, no_file, quoted
 from heli3dof.plugins import must_be
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.column_mapping import mapped
@@ -19,7 +19,7 @@ from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
 from heli3dof.recording.logs.joined_tables import join
 from heli3dof.recording.logs.known_names import with_own_names
-from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, refuse_stream, what_is
+from heli3dof.recording.mcap_files.mcap_scan import read_bytes, refuse_stream, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.recording import Recording
@@ -114,7 +114,7 @@ def _digest(path: Path) -> dict[str, Any]:
 def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | None) -> Table:
     """Return the table of one file; the arguments are those of `import_log`."""
     if not path.exists():
-        raise missing(path)
+        raise no_file(path, "recording", RecordingError)
     refuse_stream(path)
     importer = importer_of(path)
     if importer is None:

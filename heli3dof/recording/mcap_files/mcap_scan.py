@@ -25,7 +25,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from heli3dof.errors import RecordingError, quoted, why_missing
+from heli3dof.errors import RecordingError, no_file, quoted
 from heli3dof.recording.mcap_files.chunk_index import CODEC
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.mcap_files.schema import (
@@ -311,7 +311,7 @@ def read_bytes(path: Path) -> bytes:
         refuse_stream(path)
         return path.read_bytes()
     except FileNotFoundError:
-        raise missing(path) from None
+        raise no_file(path, "recording", RecordingError) from None
     except IsADirectoryError:
         raise RecordingError(
             f"{path} is a folder, not a recording.",
@@ -324,15 +324,6 @@ def read_bytes(path: Path) -> bytes:
             cause="you have no permission to read it, or the disk has a fault.",
             fix=f"ls -l {quoted(path)}",
         ) from error
-
-
-def missing(path: Path) -> RecordingError:
-    """Return the error for a missing recording; it suggests the most similar name in the folder."""
-    return RecordingError(
-        f"There is no recording {path}.",
-        cause=why_missing(path),
-        fix=f"ls {quoted(path.parent)}",
-    )
 
 
 def damaged(path: Path, error: Damaged, where: str = "") -> RecordingError:

@@ -35,6 +35,12 @@ from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
 from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
 
+OTHER_FILES = {
+    ".json": ("a model file", "heli3dof compare REC... {}, to compare a model"),
+    ".toml": ("a profile or a plan", "--profile {0}, or heli3dof run {0}"),
+}
+"""Ending of a file that is no recording → what it is, and the command that uses it"""
+
 
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
     """Return the recording in an MCAP file, which heli3dof or another program has written.
@@ -82,15 +88,22 @@ def open_mcap(path: Path) -> Scan:
         kind = what_is(data)
         ending = ".csv" if "CSV" in kind else ".mat" if "MAT" in kind else ""
         named = path.with_suffix(ending) if ending else path
+        if path.suffix in OTHER_FILES:
+            kind, use = OTHER_FILES[path.suffix]
+            cause = "another kind of file was given in place of a recording."
+            fix = use.format(quoted(path))
+        elif ending:
+            cause = "a log that was not imported yet."
+            fix = f"mv {quoted(path)} {quoted(named)}; " if named != path else ""
+            fix += f"heli3dof import {quoted(named)} --profile PROFILE.toml "
+            fix += f"-o {quoted(path.stem)}.mcap"
+        else:
+            cause, fix = (
+                "you meant another file, or its ending is wrong.",
+                f"ls {quoted(path.parent)}",
+            )
         raise RecordingError(
-            f"{path} is not an MCAP recording; it is {kind}.",
-            cause="a log that was not imported yet."
-            if ending
-            else "you meant another file, or its ending is wrong.",
-            fix=(f"mv {quoted(path)} {quoted(named)}; " if named != path else "")
-            + f"heli3dof import {quoted(named)} --profile PROFILE.toml -o {quoted(path.stem)}.mcap"
-            if ending
-            else f"ls {quoted(path.parent)}",
+            f"{path} is not an MCAP recording; it is {kind}.", cause=cause, fix=fix
         )
     return scan(data)
 

@@ -72,7 +72,7 @@ def _cause(document: Document, data: FigureData) -> Answer:
 
 def _gain(document: Document) -> Answer:
     question = "What does the extended model gain?"
-    sentence = " ".join([*summary.gain(document), *words.calibration_change(document)])
+    sentence = " ".join([*words.gain(document), *words.calibration_change(document)])
     if not sentence:
         return Answer(question, "Nothing: the diagnosis added no effect to the model.")
     gain = document["gain"] if words.adopted(document) else document["calibration_gain"]

@@ -39,7 +39,8 @@ def diagnosis_section(document: Document, p: FigureData = FigureData()) -> Secti
     blocks += _stretch(p)
     if (grid := findings(document)).rows:
         blocks.append(table(grid))
-    details = [paragraph(s) for s in words.calibration_change(document)]
+    refit = words.gain(document) if words.states_refit(document) else ()
+    details = [paragraph(s) for s in (*refit, *words.calibration_change(document))]
     if steps := [paragraph(s) for s in words.next_steps(document)]:
         details += [subheading("What to do next"), *steps]
     if p.simulation_error is not None:

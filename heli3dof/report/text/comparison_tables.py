@@ -89,12 +89,12 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
     """Return a table of step metrics, with a row per reference segment of each axis."""
-    rows = [
-        [axis, step_name(step), *_metric_cells(step.values())]
-        for axis, of_axis in metrics.items()
-        for step in of_axis.steps
-        if step.kind != "none"
-    ]
+    rows = []
+    for axis, of_axis in metrics.items():
+        for step in of_axis.steps:
+            held = {"overshoot_deg": np.nan} if step.kind == "hold" else {}
+            if step.kind != "none":
+                rows.append([axis, step_name(step), *_metric_cells({**step.values(), **held})])
     notes = ["error: angle minus set value, mean over the last tenth of the step."] * bool(rows)
     if any(row[-1] == NONE for row in rows):
         notes.append("– under settling: no step, or the angle did not stay within ±2 % of it.")

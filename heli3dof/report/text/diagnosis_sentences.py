@@ -34,10 +34,13 @@ VERDICTS = {
 }
 NOT_IMPORTED = "The log cannot be imported as it is."
 ONLY_COUNTED = "Only lost samples were found; the fit predicts over them."
-WITH_REFIT = "The causes below and refitted parameters explain the simulation error."
+BY_REFIT = "Refitted parameters explain the simulation error; see the causes below."
+WITH_REFIT = (
+    "Refitted parameters explain one part of the simulation error, the causes below the rest."
+)
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
-UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
+UNCONFIRMED = "A further effect ({}) would fit better, but held-out data do not confirm it."
 LISTED = 6
 """Largest number of names that a sentence lists; of further names it gives only the number."""
 NOISE_EXCESS = 1.5
@@ -79,7 +82,9 @@ def summary_of(name: str) -> str:
 def verdict(document: Document) -> str:
     """Return a diagnosis' verdict and what it means, in one to three sentences."""
     word = str(document["verdict"])
-    meaning = WITH_REFIT if word == "explained" and refit_explains(document) else VERDICTS[word]
+    meaning = VERDICTS[word]
+    if word == "explained" and refit_explains(document):
+        meaning = WITH_REFIT if adopted(document) else BY_REFIT
     if _is_refused(document):
         meaning = NOT_IMPORTED
     if word == "explained" and all(map(is_counted, document["findings"])):
@@ -89,8 +94,8 @@ def verdict(document: Document) -> str:
             meaning = NOISE_UNKNOWN
         elif noisy := noisy_axes(document):
             meaning = NOISE_IS_LARGER.format(listed(noisy))
-        if document.get("dropped"):
-            meaning = UNCONFIRMED
+        if dropped := [str(x["effect"]) for x in document.get("dropped", ())]:
+            meaning = UNCONFIRMED.format(listed(dropped, "or"))
         doubtful = [str(c["parameter"]) for c in not_significantly_off(document)]
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
@@ -118,14 +123,17 @@ def noisy_axes(document: Document) -> list[str]:
     ]
 
 
-def before_and_after(gain: Document) -> str:
-    """Return the RMSE (°) by axis in ``holdout_rmse_deg`` as text: before → after a change."""
-    error = gain["holdout_rmse_deg"]
+def before_and_after(*gains: Document) -> str:
+    """Return a text with the held-out RMSE (°) by axis: before → after each change of the model.
+
+    ``gains``: each change's object in the JSON document; its ``holdout_rmse_deg`` has the RMSE.
+    """
+    stages = [gains[0]["holdout_rmse_deg"]["before"]]
+    stages += [gain["holdout_rmse_deg"]["after"] for gain in gains]
     return ", ".join(
-        f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
-        f"{fixed(number(error['after'][axis]), 2, '°')}"
+        f"{axis} {' → '.join(fixed(number(rmse[axis]), 2, '°') for rmse in stages)}"
         for axis in AXES
-        if error["before"].get(axis) is not None
+        if stages[0].get(axis) is not None
     )
 
 
@@ -161,25 +169,29 @@ def changed_ratios(document: Document) -> list[Document]:
     return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
 
-def calibration_change(document: Document) -> Iterator[str]:
-    """Yield sentences on refitting the profile: RMSE before and after, changed ratios.
+def states_refit(document: Document) -> bool:
+    """Return True if the RMSE with refitted parameters is stated.
 
-    A ratio of two parameters, such as T_g/J_roll, is stated if it differs from the profile's by
-    more than two standard deviations. Yields sentences only if the refit explains the error
-    (`refit_explains`), or if the diagnosis found nothing and the noise floor is unknown.
+    That is if the refit explains the error (`refit_explains`), or if the diagnosis found nothing
+    and the noise floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
-    if not (unknown or refit_explains(document)):
-        return
-    falls = before_and_after(document["calibration_gain"])
-    yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
+    return unknown or refit_explains(document)
+
+
+def calibration_change(document: Document) -> Iterator[str]:
+    """Yield a sentence on the changed ratios of two parameters, such as T_g/J_roll, if any.
+
+    A ratio is stated if it differs from the profile's by more than two standard deviations.
+    """
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
         f"{ratio_unit(r['ratio'])} (profile: {significant(r['nominal'], r['std'])})"
         for r in changed_ratios(document)
     ]
-    if off:
-        yield f"Well determined, and not as in the profile: {', '.join(off)}."
+    if off and states_refit(document):
+        fit = ", fitted together with the causes" if adopted(document) else ""
+        yield f"Not as in the profile{fit}: {', '.join(off)}."
     if factor := common_factor(document):
         yield (
             f"All ratios K_f/J differ from the profile by one factor, {factor:.2f}. Either the "
@@ -202,6 +214,26 @@ def common_factor(document: Document) -> float | None:
     middle = statistics.median(factors)
     is_common = max(factors) < margin * middle and min(factors) > middle / margin
     return middle if is_common and not 1 / margin < middle < margin else None
+
+
+def gain(document: Document) -> Iterator[str]:
+    """Yield a sentence with the RMSE of the profile, after the refit, and with the causes.
+
+    The RMSE of the profile is left out if the refit explains nothing. Without causes,
+    `unmodelled_effects` states the RMSE of a single unmodelled torque.
+    """
+    refit = states_refit(document)
+    causes = has_adopted_causes(document)
+    torques = sum(bool(rest.get("term")) for rest in document["leftover"])
+    changes, stages = [], ["refitted"]
+    if refit:
+        changes, stages = [document["calibration_gain"]], ["profile", *stages]
+    if causes or torques > 1 - refit:
+        added = ["these causes"] * causes + ["the unmodelled torque"] * bool(torques)
+        changes, stages = [*changes, document["gain"]], [*stages, f"with {' and '.join(added)}"]
+    if changes:
+        falls = before_and_after(*changes)
+        yield f"RMSE on {measured_on(document)}, {' → '.join(stages)}: {falls}."
 
 
 def not_significantly_off(document: Document) -> list[Document]:
@@ -240,6 +272,7 @@ def faults(document: Document) -> Iterator[str]:
             yield str(f)
             continue
         note = "Note: " if f["kind"] == "note" else ""
+        note += "Recording " if f["sentence"].startswith(f"{f['recording']}: ") else ""
         cause = f" Likely cause: {minus(f['cause'])}" if f.get("cause") else ""
         fix = f" Try: {f['fix']}" if f.get("fix") else ""
         yield f"{note}{minus(f['sentence'])}{cause}{fix}"
@@ -265,6 +298,12 @@ def limits(document: Document) -> Iterator[str]:
         yield (
             f"The simulation error was not measured: no stretch without a gap or a stop is long "
             f"enough to predict {seconds:g} s ahead."
+        )
+    nulls = str(document.get("about", {}).get("nulls", "simulated"))
+    if not nulls.startswith("simulated"):
+        yield (
+            f"There are no null simulations ({nulls.rpartition(': ')[2]}), so only clear causes "
+            "are reported. If you know the controller, add [controller] to the profile."
         )
     noisy = noisy_axes(document)
     if noisy:
@@ -368,11 +407,15 @@ def adopted(document: Document) -> bool:
     The diagnosis also reports faults of a recording and wrong calibration values, but adds them to
     no model.
     """
-    causes = any(
+    return has_adopted_causes(document) or any(rest.get("term") for rest in document["leftover"])
+
+
+def has_adopted_causes(document: Document) -> bool:
+    """Return True if the diagnosis added at least one cause of the catalogue to the model."""
+    return any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
         for f in document["findings"]
     )
-    return causes or any(rest.get("term") for rest in document["leftover"])
 
 
 def measured_on(document: Document) -> str:
@@ -546,13 +589,6 @@ def next_steps(document: Document) -> Iterator[str]:
             f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
             "together with these recordings."
         )
-    nulls = str(document.get("about", {}).get("nulls", "simulated"))
-    if not nulls.startswith("simulated"):
-        yield (
-            "The controller of these recordings is unknown, so there are no null simulations and "
-            "only clear causes are reported. If you know the controller, add [controller] to the "
-            "profile."
-        )
     if any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
         yield (
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
@@ -567,13 +603,13 @@ def next_steps(document: Document) -> Iterator[str]:
         )
     if not document["model"] or not adopted(document):
         return
+    model = quoted(document["model"])
+    yield f"To simulate the extended model: heli3dof simulate steps --model {model}"
     if not document["holdout"]:
         yield (
             "The gain was measured on blocks left out of the fit. To measure it on another "
             "flight: heli3dof diagnose REC... --holdout ANOTHER-REC"
         )
-    model = quoted(document["model"])
-    yield f"To simulate the extended model: heli3dof simulate steps --model {model}"
 
 
 def percent(confidence: float | None) -> str:

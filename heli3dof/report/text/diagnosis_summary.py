@@ -30,7 +30,7 @@ def diagnosis_summary(document: Document) -> list[str]:
         *words.calibration_change(document),
         *causes(document),
         *([f"{weaker} weaker cause{'s' * (weaker > 1)}: see --verbose."] if weaker > 0 else []),
-        *gain(document),
+        *words.gain(document),
         *words.unmodelled_effects(document),
         *words.slow_noise(document),
         *list(words.next_steps(document))[:1],
@@ -68,9 +68,10 @@ def simulation_error(document: Document) -> Iterator[str]:
     known = [axis for axis in AXES if error[axis]["rmse_deg"] is not None]
     parts = []
     for axis in known:
-        floor = error[axis]["noise_floor_deg"]
-        noise = "" if floor is None else f" (noise {fixed(floor, 2, '°')})"
-        parts.append(f"{axis} {fixed(error[axis]['rmse_deg'], 2, '°')}{noise}")
+        floor, rmse = error[axis]["noise_floor_deg"], error[axis]["rmse_deg"]
+        size = f" {fixed(floor, 2, '°')}" if floor is not None and rmse > floor else ""
+        noise = "" if floor is None else f" (noise{size})"
+        parts.append(f"{axis} {fixed(rmse, 2, '°')}{noise}")
     if parts:
         seconds = error[known[0]]["horizon_s"]
         yield f"Simulation error, RMSE of {seconds:g} s predictions: {', '.join(parts)}."
@@ -90,27 +91,18 @@ def causes(document: Document) -> Iterator[str]:
             sizes.append(f"{parameter.replace('_', ' ')} {size}{' ' * bool(unit)}{unit}")
         untested = words.untested(document, f)
         known = f["confidence"] is not None and not untested
-        sure = f" (confidence {percent(f['confidence'])})" if known else ""
         others = [str(x) for x in f["tied_with"]]
-        confounded = (
-            f"; or {listed(others, 'or')}, indistinguishable in these recordings" if others else ""
-        )
+        confounded = f"; or {listed(others, 'or')}, indistinguishable here" if others else ""
+        what = "one of them acts: " if others else ""
+        sure = f" ({what}confidence {percent(f['confidence'])})" if known else ""
         like = "; likely, not confirmed" if f.get("like") else ""
         like = "; not tested (--quick)" if untested else like
         if words.is_counted(f):  # last (`heli3dof.diagnosis.result.in_order`)
             yield f"In the recording: {name_of(f)}, {', '.join(sizes)} (counted)."
             continue
-        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
+        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{confounded}{sure}{like}."
 
 
 def _once_each(document: Document) -> list[Document]:
     """Return the causes, each effect once: jitter of several recordings is one cause."""
     return list({name_of(f): f for f in reversed(document["findings"])}.values())[::-1]
-
-
-def gain(document: Document) -> Iterator[str]:
-    """Yield a line with the RMSE without and with the causes; nothing without causes."""
-    if not words.adopted(document):
-        return
-    where, falls = words.measured_on(document), words.before_and_after(document["gain"])
-    yield f"RMSE after refitting, without → with these causes, on {where}: {falls}."

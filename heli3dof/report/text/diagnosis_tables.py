@@ -24,6 +24,7 @@ CAUSES = "Causes, strongest first"
 def diagnosis_tables(document: Document) -> list[Grid | str]:
     """Return a diagnosis' tables and sentences in reading order; empty tables are left out."""
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
+    out += words.gain(document) if words.states_refit(document) else ()
     out += words.calibration_change(document)
     out += words.limits(document)
     for grid in (simulation_error(document), findings(document), gains(document)):

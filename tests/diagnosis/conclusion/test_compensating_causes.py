@@ -87,6 +87,7 @@ def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     assert np.isfinite(base.values).all()
     step = screening_step(setup, base, flights=8)
     assert step.nulls.flights == 0
+    assert step.nulls.method.endswith("flights simulated from the fit diverge")
     assert np.isfinite(step.recorded.z).all()
     # The screen still detects an effect.
     assert step.largest[0][1] > step.nulls.threshold

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.planning import next_experiment as module
+from heli3dof.diagnosis.planning import plan_flights
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
-from heli3dof.diagnosis.result import Diagnosis, Dropped, NextExperiment, PlanForecast
+from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped, NextExperiment, PlanForecast
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.catalogue import Probe, candidates
 from heli3dof.diagnosis.search.select import Choice
@@ -36,6 +37,7 @@ def base() -> Estimate:
 
 def test_the_doctests_pass() -> None:
     assert doctest.testmod(module).failed == 0
+    assert doctest.testmod(plan_flights).failed == 0
 
 
 def test_a_typical_cause_has_an_effect() -> None:
@@ -114,9 +116,13 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     theta = problem.scaled(np.append(base.values, 0.013))
     candidate = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
     choice = Choice(lag, 9.0, 0.9, (), (candidate,))
-    next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
+    dropped = next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
     next_experiment(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
-    next_experiment(diagnosed(base))
+    hidden = next_experiment(diagnosed(base))
+    assert dropped is not None
+    assert dropped.why.endswith(", which fits these recordings better, but " + DOES_NOT_PAY)
+    assert hidden is not None
+    assert hidden.why.endswith(", which these recordings cannot show, even if it is large")
     estimated, typical, invisible = (causes[0] for causes in requested)
     assert estimated.values == pytest.approx((0.013,))
     assert typical == typical_cause("motor.lag")

@@ -8,8 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis import diagnose as diagnose_module
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.diagnose import FULL, diagnose, forward_selection
 from heli3dof.diagnosis.search import select
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.select import Choice
@@ -22,6 +23,7 @@ from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
+from heli3dof.stage_clock import StageClock
 from tests.flown import flown
 from tests.hidden.rig_cases import draw_on_other_rig
 
@@ -68,6 +70,24 @@ def step_of(*candidates: tuple[str, float, float], remaining: dict[str, float]) 
     step = Step(NONE, NONE, NONE, NULLS, NONE, choice)
     vars(step)["ranked"] = [(term(n), Z2, 0) for n, Z2 in remaining.items()]
     return step
+
+
+@pytest.mark.parametrize(
+    ("flies", "stage"),
+    [(True, "Screening against 64 null simulations …"), (False, "Screening every candidate …")],
+)
+def test_a_stage_names_null_simulations_only_if_they_are_flown(
+    monkeypatch: pytest.MonkeyPatch, flies: bool, stage: str
+) -> None:
+    """A known controller does not suffice: flights simulated from the fit may diverge."""
+    empty = step_of(remaining={})
+    step = SimpleNamespace(chosen=lambda *_: empty)
+    monkeypatch.setattr(diagnose_module, "off_nominal", lambda fit: ())
+    monkeypatch.setattr(diagnose_module, "screening_step", lambda *_: step)
+    said: list[str] = []
+    setup, fit = SimpleNamespace(controller_is_known=True), SimpleNamespace(is_corrected=flies)
+    forward_selection(cast(Any, setup), cast(Any, fit), FULL, StageClock(said.append))
+    assert said[0] == stage
 
 
 def test_a_candidate_that_cannot_be_simulated_is_confounded_with_the_next_best(

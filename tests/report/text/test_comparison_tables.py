@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from heli3dof.comparison.compare import FlightComparison, compare
-from heli3dof.comparison.metrics import NOTHING, AxisMetrics, flight_metrics
+from heli3dof.comparison.metrics import NOTHING, AxisMetrics, StepMetrics, flight_metrics
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.report.text.comparison_tables import (
     comparison_grids,
@@ -62,6 +62,14 @@ def test_the_table_of_steps_explains_the_error_and_a_missing_settling_time() -> 
         assert (grid.rows[0][-1] != "–") == settles
         assert "angle minus set value, mean over the last tenth" in grid.notes[0]
         assert ["– under settling" in n for n in grid.notes[1:]] == [True] * (not settles)
+
+
+def test_a_held_axis_has_a_peak_and_no_overshoot() -> None:
+    """Pitch tilts during a yaw step: that is a motion, not an overshoot."""
+    held = StepMetrics("hold", 0.0, 9.0, 0.0, 0.0, peak_deg=23.4, overshoot_deg=23.4)
+    grid = metrics_of({"pitch": AxisMetrics(held, (held,))}, "Steps")
+    assert cell(grid, ["pitch", "held at 0° from 0 s"], "peak °") == "23.40"
+    assert cell(grid, ["pitch", "held at 0° from 0 s"], "overshoot °") == "–"
 
 
 def test_table_ii_has_the_published_differences(compared: FlightComparison) -> None:

@@ -39,6 +39,24 @@ def test_each_cause_is_named_with_what_it_is_confounded_with(name: str) -> None:
         assert all(other in text for other in finding["tied_with"])
 
 
+def test_a_noise_floor_above_the_error_is_not_given_as_a_number() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    document["simulation_error"]["roll"] |= {"rmse_deg": 0.20, "noise_floor_deg": 0.21}
+    document["simulation_error"]["yaw"] |= {"rmse_deg": 1.38, "noise_floor_deg": 0.15}
+    error = diagnosis_summary(document)[1]
+    assert "roll 0.20° (noise)" in error
+    assert "yaw 1.38° (noise 0.15°)" in error
+
+
+def test_the_confidence_of_confounded_causes_is_that_of_one_of_them() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    document["findings"][0] |= {"tied_with": ["motor.lag"], "confidence": 0.999, "like": False}
+    (line,) = [x for x in diagnosis_summary(document) if x.startswith("Cause 1: ")]
+    assert line.endswith(
+        "or motor.lag, indistinguishable here (one of them acts: confidence > 99 %)."
+    )
+
+
 def test_more_than_four_causes_refer_to_the_tables() -> None:
     document = deepcopy(kept("diagnose.json"))
     first = document["findings"][0]
@@ -79,7 +97,7 @@ def test_what_several_recordings_have_is_stated_once() -> None:
              "cause": "late", "fix": "hurry", "recording": "a"}  # fmt: skip
     document["integrity"] = [fault, *({**fault, "recording": name} for name in "bc")]
     lines = diagnosis_summary(document)
-    assert "a: jitter Likely cause: late Try: hurry. The same in b and c" in lines
+    assert "Recording a: jitter Likely cause: late Try: hurry. The same in b and c" in lines
     stated = [x.split(",")[0] for x in lines if x.startswith("Cause ")]
     assert len(stated) == 2
     assert "Cause 1: timing.jitter" in stated

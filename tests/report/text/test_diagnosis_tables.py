@@ -154,8 +154,8 @@ def test_a_refit_that_explains_most_of_an_error_is_stated_beside_the_causes(
     gain = {"holdout_rmse_deg": error, "rmse_reduction_deg": won}
     ratios = [{"ratio": "V_o", "nominal": 7.456, "value": 8.222, "std": V_o_std}]
     text = text_of(changed(verdict="explained", calibration_gain=gain, ratios=ratios))
-    assert ("and refitted parameters explain" in text) is stated
-    assert ("changes: roll 4.13° → 0.22°." in text) is stated
+    assert ("Refitted parameters explain one part" in text) is stated
+    assert ("profile → refitted → with these causes: roll 4.13° → 0.22° → 0.50°." in text) is stated
     assert ("profile update" in text) is stated
     assert ("V_o = 8.2220 ± 0.0050 V (profile: 7.4560)" in text) is stated
 
@@ -168,9 +168,7 @@ def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
     gain = {"holdout_rmse_deg": {"before": {"pitch": 6.89}, "after": {"pitch": 5.79}}}
     text = text_of({**document, "calibration_gain": gain, "ratios": []})
     assert "No simulation error beyond noise was found." not in text
-    assert (
-        "With refitted parameters, the RMSE of 1 s predictions changes: pitch 6.89° → 5.79°" in text
-    )
+    assert "RMSE on blocks left out of the fit, profile → refitted: pitch 6.89° → 5.79°" in text
 
 
 def test_the_worst_stretch_is_reported() -> None:
@@ -241,6 +239,7 @@ def test_a_faulty_recording_is_reported_with_cause_and_remedy() -> None:
     fault = {
         "check": "encoder.sign",
         "kind": "bad_data",
+        "recording": "step",
         "sentence": "step: roll turns the wrong way, to -5.1°.",
         "cause": "the encoder's sign is wrong.",
         "fix": "set encoder.roll = -4096",
@@ -251,7 +250,7 @@ def test_a_faulty_recording_is_reported_with_cause_and_remedy() -> None:
     )  # fmt: skip
     text = text_of(bad)
     cause = "Likely cause: the encoder's sign is wrong."
-    sentence = f"step: roll turns the wrong way, to −5.1°. {cause} Try: set"
+    sentence = f"Recording step: roll turns the wrong way, to −5.1°. {cause} Try: set"
     assert f"\n{sentence}" in text
     assert f"\nNote: {sentence}" in text
     assert "encoder.roll = -4096" in text  # can be copied
@@ -316,13 +315,41 @@ def test_slow_noise_is_stated_in_one_sentence() -> None:
     assert list(slow_noise({})) == []
 
 
+def test_the_rmse_with_causes_is_stated_once() -> None:
+    """Without a cause, the sentence on the unmodelled torque has the same numbers."""
+    torque = {**changed()["leftover"][0], "term": "empirical.yaw.1", "formula": None}
+    torque["gain"] = DOCUMENT["gain"]
+    both = changed(leftover=[torque])
+    (line,) = diagnosis_sentences.gain(both)
+    assert "refitted → with these causes and the unmodelled torque: roll 1.00° → 0.50°" in line
+    alone = changed(leftover=[torque], findings=[])
+    assert list(diagnosis_sentences.gain(alone)) == []
+    assert "\n".join(diagnosis_summary.diagnosis_summary(alone)).count("1.00° → 0.50°") == 1
+
+
+def test_missing_null_simulations_are_stated_with_the_reason_and_not_as_a_next_step() -> None:
+    about = {"nulls": "Bonferroni over the scores, doubled: flights simulated from the fit diverge"}
+    document = changed(about=about)
+    sentence = "There are no null simulations (flights simulated from the fit diverge)"
+    assert sentence in text_of(document)
+    assert sentence not in "\n".join(diagnosis_sentences.next_steps(document))
+
+
+def test_a_recordings_name_is_not_read_as_a_label() -> None:
+    fault = {"kind": "bad_data", "recording": "missing", "cause": "", "fix": ""}
+    document = {"integrity": [{**fault, "sentence": "missing: 3 of 9 samples are missing."}]}
+    assert list(diagnosis_sentences.faults(document)) == [
+        "Recording missing: 3 of 9 samples are missing."
+    ]
+
+
 def test_an_unconfirmed_candidate_is_reported_as_not_adopted() -> None:
     dropped = {
         "effect": "motor.delay",
         "gain": {"holdout_log_likelihood_interval": [-24.0, 110.0]},
     }
     text = text_of(changed(verdict="nothing_found", findings=[], dropped=[dropped]))
-    assert "held-out data do not confirm it" in text
+    assert "A further effect (motor.delay) would fit better" in text
     assert "Not adopted: motor.delay" in text
     assert "(ln L −24 … 110)" in text
 
