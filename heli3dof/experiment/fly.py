@@ -56,9 +56,10 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise the exception for ``outcome`` (`raise_if_cut_short`); none for a completed plan.
+        """Raise the exception that states how the flight ended; do nothing after a completed plan.
 
-        ``path``: the recording's file, which the message names; None: no file.
+        `raise_if_cut_short` lists the exceptions. ``path``: the recording's file, which the message
+        names; None if there is no file.
         """
         kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":

@@ -268,7 +268,8 @@ class _Flight:
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
         """Run the controller for period ``k``; return the reference and three pairs of voltages.
 
-        The pairs are the voltages that the plan adds, ``command``, and ``voltage``.
+        The pairs (front, back) in V are the voltages that the plan adds, the controller's output
+        before the voltage limiter, and the output after it.
         """
         # Plain floats, converted row by row: those of an hour would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
@@ -326,7 +327,10 @@ class _Flight:
         return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return a monitor's report on ``sample`` in the ramp; ``voltage`` was sent before it."""
+        """Return the first report of a safety monitor on ``sample`` in the ramp to zero, or None.
+
+        ``voltage``: the voltages (front, back) in V that the loop sent before this sample.
+        """
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)
