@@ -159,7 +159,10 @@ def _fly_and_record(
     *,
     force: bool = False,
 ) -> Flight:
-    """Fly and record to the file ``path``, or in memory if it is None."""
+    """Fly, record to the file ``path`` (None: in memory), and return the flight.
+
+    If the flight ends before the first row is recorded, raises the exception that states why.
+    """
     # Signals are caught until the recording is closed, so that none of them leaves it incomplete.
     with stop_signals() as received, ExitStack() as closing:
         sink: MemoryRecorder | RecordingWriter = MemoryRecorder()

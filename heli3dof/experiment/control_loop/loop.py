@@ -183,7 +183,8 @@ class _Flight:
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. Other arguments: see `fly`.
+        ``end``: how the plan ended. ``sample``: None if the device does not answer. `fly` explains
+        the callbacks ``stop_without_ramp`` and ``awaits_fall``.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits
@@ -294,7 +295,8 @@ class _Flight:
     ) -> _End | None:
         """Return why the flight ends in period ``k``, or None.
 
-        The checks are, in this order: ``stop``, the device and the monitors, the envelope.
+        Checks, in this order, a request to stop, the device's flags and the safety monitors
+        together, and the envelope (the profile's limits).
         """
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)

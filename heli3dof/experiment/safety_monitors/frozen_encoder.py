@@ -224,7 +224,11 @@ class _Axis:
         self._begin_standstill()
 
     def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update the observer by a sample; do not judge the axis. Arguments as in `step`."""
+        """Update the motion observer by a sample, without judging the encoder.
+
+        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``,
+        ``angle``: the encoder's count, and its angle in rad.
+        """
         self._observer.step(h, alpha, angle)
         self.count = self._extreme = count
         self._begin_standstill()

@@ -114,8 +114,8 @@ class _Axis:
     def longest_credible_s(self) -> float:
         """Return in s how long a working encoder's count may stay constant.
 
-        This is the module's limit T, but at least `LEAST_S`. It is infinite while the axis has not
-        yet moved to and fro often enough to estimate T.
+        This is the limit T of the module's docstring, but at least `LEAST_S`. The result is
+        infinite until the axis has moved to and fro often enough to estimate T.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")
