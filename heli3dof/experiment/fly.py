@@ -116,8 +116,8 @@ def fly_plan(
 
     ``seed``: seed of the plan's random signals, and of an emulated rig's noise if its URL has no
     seed. ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live``
-    receives the progress. Before the rig is armed, ``opened`` is called with the rig's identity,
-    and ``warn`` with each warning.
+    receives the progress. Before arming the rig, the function calls ``opened`` with the rig's
+    identity, and ``warn`` with each warning.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises

@@ -6,10 +6,10 @@ standstills lasts longer than T is about N exp(−λ T). This probability is bel
 
     T > L (1 + ln(1/ε) / ln N)
 
-Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder shows
-this. An axis that did not wander before the ramp is not reported: dry friction may hold it.
-`FrozenEncoder` judges roll in the ramp, because the arm must fall.
+The monitor judges pitch and yaw during the ramp to zero while the arm is in the air, by standstills
+of two seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder
+shows this drift. The monitor does not report an axis that did not wander before the ramp, because
+dry friction may hold this axis. `FrozenEncoder` judges roll in the ramp, because the arm must fall.
 """
 
 from __future__ import annotations
