@@ -52,11 +52,11 @@ def doctor(
 ) -> DoctorReport:
     """Run every check and return the report; call ``each`` with each check when it is done.
 
-    ``device``: the rig's URL; default, as on the command line: HELI3DOF_DEVICE, else the real rig
-    if exactly one is found, the emulated rig if none is. ``folder``: the folder of the recordings.
-    ``arm``: True also arms the rig at zero volts, which tests its watchdog and its emergency stop.
-    Raises UsageError for an invalid URL, or if several rigs are found. A DeviceError is not raised:
-    it becomes the report's last check.
+    ``device``: the rig's URL. None selects the URL in the environment variable HELI3DOF_DEVICE,
+    else the real rig if exactly one is found, or the emulated rig if none is. ``folder``: the
+    folder of the recordings. ``arm``: True also arms the rig at zero volts, which tests its
+    watchdog and its emergency stop. Raises UsageError for an invalid URL, or if several rigs are
+    found. A DeviceError is not raised: it becomes the report's last check.
     """
     device, profile = device or default_device(), profile or default_profile()
     done: list[tuple[str, Check]] = []

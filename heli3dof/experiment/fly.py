@@ -56,9 +56,10 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise the exception for ``outcome`` (`raise_if_cut_short`); none for a completed plan.
+        """Raise the exception that states how the flight ended; do nothing after a completed plan.
 
-        ``path``: the recording's file, which the message names; None: no file.
+        `raise_if_cut_short` lists the exceptions. ``path``: the recording's file, which the message
+        names; None if there is no file.
         """
         kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":
@@ -115,8 +116,8 @@ def fly_plan(
 
     ``seed``: seed of the plan's random signals, and of an emulated rig's noise if its URL has no
     seed. ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live``
-    receives the progress. Before the rig is armed, ``opened`` is called with the rig's identity,
-    and ``warn`` with each warning.
+    receives the progress. Before arming the rig, the function calls ``opened`` with the rig's
+    identity, and ``warn`` with each warning.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
@@ -162,7 +163,10 @@ def _fly_and_record(
     *,
     force: bool = False,
 ) -> Flight:
-    """Fly and record to the file ``path``, or in memory if it is None."""
+    """Fly, record to the file ``path`` (None: in memory), and return the flight.
+
+    If the flight ends before the first row is recorded, raises the exception that states why.
+    """
     # Signals are caught until the recording is closed, so that none of them leaves it incomplete.
     with stop_signals() as received, ExitStack() as closing:
         sink: MemoryRecorder | RecordingWriter = MemoryRecorder()

@@ -183,7 +183,8 @@ class _Flight:
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. Other arguments: see `fly`.
+        ``end``: how the plan ended. ``sample``: None if the device does not answer. `fly` explains
+        the callbacks ``stop_without_ramp`` and ``awaits_fall``.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits
@@ -268,7 +269,8 @@ class _Flight:
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
         """Run the controller for period ``k``; return the reference and three pairs of voltages.
 
-        The pairs are the voltages that the plan adds, ``command``, and ``voltage``.
+        The pairs (front, back) in V are the voltages that the plan adds, the controller's output
+        before the voltage limiter, and the output after it.
         """
         # Plain floats, converted row by row: those of an hour would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
@@ -293,7 +295,8 @@ class _Flight:
     ) -> _End | None:
         """Return why the flight ends in period ``k``, or None.
 
-        The checks are, in this order: ``stop``, the device and the monitors, the envelope.
+        Checks, in this order, a request to stop, the device's flags and the safety monitors
+        together, and the envelope (the profile's limits).
         """
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
@@ -326,7 +329,10 @@ class _Flight:
         return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return a monitor's report on ``sample`` in the ramp; ``voltage`` was sent before it."""
+        """Return the first report of a safety monitor on ``sample`` in the ramp to zero, or None.
+
+        ``voltage``: the voltages (front, back) in V that the loop sent before this sample.
+        """
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)

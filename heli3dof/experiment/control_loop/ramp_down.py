@@ -97,8 +97,9 @@ class RampDown:
 def ramp_start(last: Pair, motor: Motor) -> Pair:
     """Return the voltages (front, back) in V at which the ramp to zero starts.
 
-    ``last``: the last voltages sent (V). The ramp starts there if both are within `HOVER_BAND`
-    times ``motor.hover_V`` of the hover voltage ``motor.V_o``, else at zero.
+    ``last``: the last voltages sent (V). The ramp starts at these voltages if both differ from the
+    hover voltage V_o by at most `HOVER_BAND` · max(|V_o|, v_max/8), else at zero. v_max is the
+    amplifier's limit.
     """
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
@@ -144,11 +145,13 @@ def ramp_to_zero(
 
     Args:
         exchange: sends the commands and returns the samples.
-        sample: the last sample; None if the device does not answer: it is then stopped at once.
+        sample: the last sample; None if the device does not answer. The function then only
+            requests an emergency stop of the device.
         motor: the profile's motors; V_o and v_max decide where the ramp starts (`ramp_start`).
         record: records each period.
-        stop_without_ramp: returns why to stop the device without the rest of the ramp, or None.
-        known: device flags that ended the flight; they are not reported again.
+        stop_without_ramp: returns the reason to stop the device at once, without the rest of the
+            ramp; None if there is no reason.
+        known: device flags that ended the flight; the function does not report them again.
         supervision: may shorten or extend the ramp; None if the plan was not completed.
     """
     if sample is None:
@@ -211,7 +214,10 @@ def ramp_to_zero(
 
 
 def _is_zero(sample: Sample, motor: Motor) -> bool:
-    """Return False if the device reports an output above `ZERO` · V_h; True if it reports none."""
+    """Return True if no output voltage in ``sample`` exceeds `ZERO` · ``motor.hover_V``.
+
+    An output voltage that the device does not report counts as zero.
+    """
     volts = motor_voltage(sample, (0.0, 0.0))
     return max(map(abs, volts)) <= ZERO * motor.hover_V
 

@@ -40,7 +40,7 @@ class SafetyMonitor(ABC):
         return None
 
     def awaits_fall(self) -> bool:
-        """Return True if the arm must fall after the ramp, but the encoder does not show it yet."""
+        """Return True if the arm must fall after the ramp, but its encoder shows no fall yet."""
         return False
 
 
@@ -55,7 +55,7 @@ class FlightMonitors:
 
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
-    """Return every subclass of `SafetyMonitor` in this package, in the order of judging."""
+    """Return this package's subclasses of `SafetyMonitor`, in the order in which they judge."""
     found = set()
     for module in modules_of(__name__):
         found |= {

@@ -6,9 +6,9 @@ The monitor reports a change Δcounts between two samples Δt (s) apart if
 
 rate_max is the axis's rate limit (rad/s) in the profile's ``[limits]``. The safety envelope judges
 a filtered rate, so the true rate may briefly be higher: hence the factor 2. This monitor cannot
-distinguish a smaller jump from motion. A jump of about 2¹⁶ or 2²⁴ counts is reported as an overflow
-of the counter. A device time that decreases, or stays constant for longer than `CLOCK_S`, is
-reported as a wrong clock.
+distinguish a smaller jump from motion. It reports a jump of about 2¹⁶ or 2²⁴ counts as an overflow
+of the counter, and a device time that decreases, or stays constant for longer than `CLOCK_S`, as a
+wrong clock.
 """
 
 from __future__ import annotations

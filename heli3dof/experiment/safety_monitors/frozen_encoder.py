@@ -97,7 +97,8 @@ def frozen_trip(axis: int, what: str, *, by_motion: bool = False, invalid_s: flo
     """Return the trip for a frozen encoder on ``axis`` (0 roll, 1 pitch, 2 yaw).
 
     ``what`` describes the evidence. ``by_motion``: True if the motion before the trip may reveal a
-    wiring fault as its cause. ``invalid_s``: `Trip.invalid_s`.
+    wiring fault as its cause. ``invalid_s``: for how long before the trip, in s, the encoder was
+    frozen in the air, so that its angles are invalid.
     """
     return Trip(
         what,
@@ -209,7 +210,10 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad) and ``count``; keep F and C."""
+        """Restart the observer at rest at ``angle`` (rad) and ``count``.
+
+        The estimates of friction F and clearance C remain.
+        """
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -220,7 +224,11 @@ class _Axis:
         self._begin_standstill()
 
     def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update the observer by a sample; do not judge the axis. Arguments as in `step`."""
+        """Update the motion observer by a sample, without judging the encoder.
+
+        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``,
+        ``angle``: the encoder's count, and its angle in rad.
+        """
         self._observer.step(h, alpha, angle)
         self.count = self._extreme = count
         self._begin_standstill()
@@ -237,10 +245,11 @@ class _Axis:
         self._held = self._friction
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Update roll by a sample, taken while the arm is near its rest angle on the table.
+        """Update the state of roll by a sample, taken while the arm is near its rest angle.
 
-        ``lift`` (rad/s²): acceleration by the thrust in excess of the thrust that lifts every known
-        rig. Other arguments as in `step`.
+        ``h``: s since the last sample; ``count``, ``angle``: the encoder's count, and its angle in
+        rad. ``lift``: in rad/s², the roll acceleration due to the present thrust minus the thrust
+        that lifts every known rig from the table.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -288,7 +297,11 @@ class _Axis:
             self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update b, the mean of ``unmodelled`` (rad/s²), and F; ``rate``: ω (rad/s)."""
+        """Update the estimates of mean unmodelled acceleration b and of friction F.
+
+        ``h``: s since the last sample. The axis's motion observer gives the ``rate`` ω (rad/s) and
+        the ``unmodelled`` acceleration at this sample (rad/s²).
+        """
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
         self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))

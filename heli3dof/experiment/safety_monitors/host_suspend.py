@@ -3,7 +3,7 @@
     asleep = (boottime − monotonic) − (boottime − monotonic at the flight's start)
 
 In that time the rig's watchdog has ramped the motors to zero, or the rig has held one voltage. The
-controller's rates, integrals and last voltage are out of date, so the device is stopped at once,
+controller's rates, integrals and last voltage are out of date, so the loop stops the device
 without a ramp. On a system without CLOCK_BOOTTIME only the device's watchdog ends the flight.
 """
 

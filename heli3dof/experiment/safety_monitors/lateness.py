@@ -6,9 +6,9 @@ just before a late sample count as late samples, too, but not those that the dev
 
 A busy host delays some commands, a slow link or device delays all of them. So the report blames the
 link or the device if the 10 % quantile of the command-to-echo latencies exceeds `SLOW_PERIODS`
-control periods. The quantile is over the last ``late_max_share`` · 1 s of latencies: a link that
-becomes slow ends the flight after this time. A latency counts once for its own period, and once for
-each period skipped just before.
+control periods. The quantile is over the latencies of the last ``late_max_share`` · 1 s. A link
+that becomes slow ends the flight after this time, so all these latencies are then slow. A latency
+counts once for its own period, and once more for each period skipped just before.
 """
 
 from __future__ import annotations

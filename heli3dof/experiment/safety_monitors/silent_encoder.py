@@ -6,10 +6,10 @@ standstills lasts longer than T is about N exp(−λ T). This probability is bel
 
     T > L (1 + ln(1/ε) / ln N)
 
-Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder shows
-this. An axis that did not wander before the ramp is not reported: dry friction may hold it.
-`FrozenEncoder` judges roll in the ramp, because the arm must fall.
+The monitor judges pitch and yaw during the ramp to zero while the arm is in the air, by standstills
+of two seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder
+shows this drift. The monitor does not report an axis that did not wander before the ramp, because
+dry friction may hold this axis. `FrozenEncoder` judges roll in the ramp, because the arm must fall.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ class _Axis:
     def longest_credible_s(self) -> float:
         """Return in s how long a working encoder's count may stay constant.
 
-        This is the module's limit T, but at least `LEAST_S`. It is infinite while the axis has not
-        yet moved to and fro often enough to estimate T.
+        This is the limit T of the module's docstring, but at least `LEAST_S`. The result is
+        infinite until the axis has moved to and fro often enough to estimate T.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")

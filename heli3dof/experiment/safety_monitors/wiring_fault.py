@@ -123,7 +123,8 @@ def wiring_fault(
 ) -> Fault | None:
     """Return the wiring fault that explains the motion before a trip; None if none clearly does.
 
-    ``moments``: the last control periods before the safety trip. ``invalid_s``: `Trip.invalid_s`.
+    ``moments``: the last control periods before the safety trip. ``invalid_s``: duration in s,
+    before the trip, of invalid angles of a frozen encoder; they are not fitted.
     """
     if len(moments) < SHORTEST:
         return None
@@ -219,9 +220,11 @@ def _score(
     profile: Profile,
     unmodelled: np.ndarray,
 ) -> float:
-    """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
+    """Return the log-likelihood of the measured angles under one hypothesis (wiring fault or none).
 
-    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s².
+    ``alpha``: accelerations α_H (n, 3) in rad/s² under this hypothesis. ``windows``: axis → rows to
+    fit. ``unmodelled``: B (3,) in rad/s², each axis's standard deviation of the unmodelled
+    acceleration.
     """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
@@ -233,9 +236,11 @@ def _score(
 
 
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
-    """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to one axis; return mean squared residual (rad²) and b.
+    """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to the angle of one axis, by least squares.
 
-    ``theta`` (n,) in rad, ``alpha`` (n,) in rad/s²; ``weight``: q/B in s².
+    Returns the mean squared residual in rad² and the unmodelled acceleration b in rad/s².
+    ``theta`` (n,): the angle in rad; ``alpha`` (n,): α in rad/s². ``weight``: the weight in s² with
+    which b counts as a residual, (encoder step in rad)/(standard deviation of b in rad/s²).
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]
