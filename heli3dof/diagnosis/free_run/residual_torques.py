@@ -67,8 +67,8 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Return (row numbers, times, {variable: means}) of spans that do not overlap.
 
-    The row numbers refer to the result of `residuals`. Times are in s; recordings are
-    10⁴ s apart.
+    The row numbers refer to the result of `residuals`. Times are in s; 10⁴ s are added for each
+    earlier recording.
     """
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}
