@@ -278,7 +278,10 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:
-    """Return ``fit`` extended by the torque c φ whose axis and product φ explain most."""
+    """Return ``fit`` extended by one torque c φ, with the coefficient c refitted.
+
+    The axis, and the product φ of measured quantities, are those that explain most.
+    """
     x = evidence_without_nulls(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(x, int(i)) for i in axes}

@@ -235,8 +235,8 @@ class NullDistance(NamedTuple):
 def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
     """Return (sizes are equal, sizes are significant) of a term in fits to two halves of the data.
 
-    The function returns None if ``halves`` does not contain two fits, or if a fit gives the term no
-    σ.
+    The function returns None if ``halves`` does not contain two fits, or if the term has no
+    standard deviation in one of them.
     """
     known = [d for h in halves if (d := null_distance(h, name)) is not None]
     return compared(*known) if len(known) == 2 else None

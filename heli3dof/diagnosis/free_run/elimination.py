@@ -310,7 +310,7 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) of a fit in each of the m cells of recording i, not fitted.
+    """Return the mean loss (m,) in each of m cells of recording i, which the fit left out.
 
     A cell is `WINDOW_S` seconds long. ``p`` contains all recordings, the fit ``full`` all except i.
     ``scale``: RMS errors by horizon and axis, by which the prediction errors are divided.

@@ -128,7 +128,7 @@ def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.nda
 
 
 def recording_indices(problem: MultiStep, j: int) -> list[int]:
-    """Return the indices in z of parameter j's values, one for each recording."""
+    """Return the indices of parameter j's values, one per recording, in the scaled parameters z."""
     b = list(problem.own).index(j)
     return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
 

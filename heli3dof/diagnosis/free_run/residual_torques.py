@@ -35,8 +35,9 @@ SHARE_DRAWS = 500
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
     """Return at most one residual torque per axis, by falling share of the variance it explains.
 
-    The module defines this share on test spans. ``score``: share × number of spans. ``confidence``:
-    fraction of the bootstrap samples with a positive share.
+    The share is that of the variance on spans of flight to which the torque was not fitted.
+    ``score`` is the share times the number of spans, ``confidence`` the fraction of bootstrap
+    samples with a positive share.
     """
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]

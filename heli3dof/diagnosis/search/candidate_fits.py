@@ -93,11 +93,11 @@ class GridTrial:
 def trials(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Return those of the terms ``untested`` that gain Δℓ > `MIN_TRIAL_GAIN`, with their values.
+    """Return those of the ``untested`` terms that gain Δℓ > `MIN_TRIAL_GAIN`, at their best values.
 
-    A term is added to the current fit at ascending values of its first parameter, as long as the
-    gain Δℓ in log-likelihood rises. ``theta`` (n,), ``noise`` (4,): parameters of the current fit,
-    and its process noise of three axes and sampling jitter.
+    Each term is added to the current fit at ascending values of its first parameter, as long as the
+    gain Δℓ in log-likelihood rises. ``theta`` (n,): parameters of the current fit; ``noise`` (4,):
+    its process noise of three axes, and its sampling jitter.
     """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 

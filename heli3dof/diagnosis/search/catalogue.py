@@ -90,6 +90,6 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
-    """Return a `Scan` over all frequencies or instants, for each term that has one to find."""
+    """Return a `Scan` for each term whose frequency or instant is found by trying all of them."""
     kinds: dict[str, type[Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

@@ -114,8 +114,8 @@ class Screen:
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
         """Return the scores of all trial effects and of all scans over frequencies or instants.
 
-        ``prior``: whether ∂ℓ/∂θ includes the prior. It does for the recordings, and does not for
-        null simulations.
+        ``prior``: whether the score of the fit's own parameters includes the prior. It does for the
+        recordings, and does not for null simulations.
         """
         problem = self.problem
         g = evaluation.g

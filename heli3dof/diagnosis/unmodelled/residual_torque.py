@@ -249,7 +249,7 @@ class Hats:
 def hats(flight: LinearisedRun, axes: np.ndarray) -> Hats:
     """Return hat functions of each variable whose range in the flight exceeds `MIN_RANGE`.
 
-    ``axes`` (A,): indices of the axes on which they are torques.
+    Each hat function is a torque on one axis; ``axes`` (A,): indices of these axes.
     """
     names, knots = [], []
     for name, unit in UNITS.items():

@@ -116,7 +116,7 @@ class Nuisance:
 class Evidence:
     """A fit's filter run, from which the scores of the residual torques in ``library`` follow.
 
-    ``null``: these scores in flights simulated without such torques; None if flights cannot be
+    ``null``: these scores in flights simulated without such torques; None if no flights were
     simulated.
     """
 

@@ -241,7 +241,10 @@ def _exceeds_coloured_noise(
 
 @dataclass(frozen=True, eq=False)
 class ScoreTests:
-    """Results of the score tests of all groups: the hat functions of a variable on an axis."""
+    """Results of the score tests of all groups of hat functions.
+
+    A group contains the hat functions of one variable on one axis.
+    """
 
     x: np.ndarray
     """(groups,) −2 ln P(χ²_r > S/κ)"""

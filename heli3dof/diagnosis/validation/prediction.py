@@ -133,10 +133,10 @@ def model_errors(
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
-    """Return the data with other ``blocks`` (B, 3), each inside an old block.
+    """Return the data with ``blocks`` (B, 3) in place of its own blocks.
 
-    Columns: first row of the lead-in (only its voltages are used), first row of the run, row after
-    the run.
+    Each new block lies inside an old one. Columns: first row of the lead-in (only its voltages are
+    used), first row of the run, row after the run.
     """
     owner = np.searchsorted(data.blocks[:, 2], blocks[:, 1], side="right")
     return replace(
