@@ -11,8 +11,9 @@ Flying, recording, identifying, comparing, diagnosing and reporting can be done 
     )
     print(h3.diagnose(flight.recording).summary())
 
-These verbs are on the command line only: batch, demo, effect, exercise, fleet, monitor; so are
-``profile new``, ``profile update`` and ``diagnose --cluster``. For ``effect list``, use `effects`.
+These subcommands are on the command line only: batch, demo, effect, exercise, fleet, monitor; so
+are ``profile new``, ``profile update`` and ``diagnose --cluster``. For ``effect list``, use
+`effects`.
 
 A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
 or model's name. In place of a list with one element, it takes the element. Arrays are in SI units

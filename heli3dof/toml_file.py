@@ -283,7 +283,10 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
 
 
 def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Return the dotted key at ``path``; for a section, the keys that it requires."""
+    """Return the dotted names of the keys that are missing if ``path`` is missing.
+
+    If ``path`` is a section, these are the keys that the section requires; else only ``path``.
+    """
     field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:

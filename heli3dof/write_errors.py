@@ -31,9 +31,10 @@ ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Return a heli3dof error for an OSError from writing ``path``; None for an unlisted cause.
+    """Return a heli3dof error for an OSError from writing ``path``.
 
-    The table at the file's top lists the causes. ``fix``: what the error's message recommends.
+    The result is None if the table at the top of this module does not list the error's cause.
+    ``fix``: what the error's message recommends.
     """
     if error.errno in FULL:
         return NoSpace(
@@ -61,7 +62,8 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 def write_errors_explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
     """Context manager: convert an OSError from writing ``path`` to a heli3dof error (`refusal`).
 
-    ``fix``: what the error's message recommends. Other OSErrors pass unchanged.
+    ``fix``: what the error's message recommends. An OSError for which `refusal` has no conversion
+    passes unchanged.
     """
     try:
         yield

@@ -1,8 +1,9 @@
-"""The first columns of the results table, which describe the recording; the same for all verbs.
+"""The first columns of the results table, which describe the recording.
 
-The option ``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. The
-columns ``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard deviation of the
-rounding error of an encoder, 360°/(√12 · counts per revolution).
+They are the same for all subcommands of ``heli3dof batch``, and the condition of ``--where`` may
+contain them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns ``roll_start_deg_std``
+and ``pitch_start_deg_std`` contain the standard deviation of an encoder's rounding error,
+360°/(√12 · counts per revolution).
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""`run_task`: run one verb on one recording, in a worker process. It never raises an exception.
+"""`run_task`: run one subcommand on one recording, in a worker process.
 
-The verb reads and writes in a temporary folder, whose paths `_replaced` replaces.
+It never raises an exception: a failure is an outcome with an exit code. The subcommand reads and
+writes in a temporary folder, whose paths `_replaced` replaces in the outcome.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def _local(task: Task, folder: Path) -> Path | None:
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    """Return path relative to ``folder`` → content, of each file that a verb wrote there."""
+    """Return {path relative to ``folder``: content} of the files that a subcommand wrote there."""
     paths = sorted(p for p in folder.rglob("*") if p.is_file())
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in paths}
 

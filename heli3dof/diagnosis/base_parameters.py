@@ -63,7 +63,7 @@ class BaseParameter(Measured):
 
     @property
     def x(self) -> float:
-        """Return x = ln(X/X_nominal) of the estimate X; −∞ if X has the wrong sign."""
+        """Return ln(X/X_nominal) of the estimated parameter X; −∞ if X has the wrong sign."""
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 

@@ -235,7 +235,10 @@ def _residual_torque(x: ResidualTorque) -> dict[str, Any]:
 
 
 def _remainder(r: UnexplainedError) -> dict[str, Any]:
-    """Return an unexplained error as the JSON object of a torque that depends on nothing known."""
+    """Return an unexplained error as the JSON object of a torque that depends on no known variable.
+
+    ``error_deg`` contains the errors of the simulation and of the extended model, and the floor.
+    """
     torque = ResidualTorque(r.axis, "", 0.0, (), (), 0.0, 0.0)
     return {
         **_residual_torque(torque),

@@ -170,7 +170,10 @@ class Diagnosis(Result):
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults that are causes: of kind ``finding``, with an effect."""
+        """Return the recordings' faults that are causes: those that name an effect.
+
+        Their kind is ``finding``.
+        """
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property

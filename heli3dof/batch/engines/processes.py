@@ -78,7 +78,10 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return the context of a fork server that has imported `PRELOADED`; of spawn without one."""
+    """Return the `multiprocessing` context that starts the worker processes.
+
+    It is a fork server that has imported `PRELOADED`, or "spawn" on systems without fork servers.
+    """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

@@ -182,10 +182,10 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
     """Return whether an encoder error of at most one count explains the cause.
 
-    The error may be backlash or an encoder offset. Backlash must itself be the cause; an offset may
-    also be confounded with the cause. An encoder's zero is uncertain by a count, because counts
-    start at power-up. The size of the cause is that in ``fit``; the size of a confounded offset is
-    that in its own fit.
+    The error is backlash, if that is the cause, or an encoder offset that is the cause or is
+    confounded with it. An encoder's zero is uncertain by a count, because counts start at power-up.
+    The size of the cause is that in ``fit``. A confounded offset has the size estimated in the fit
+    with this offset.
     """
     for c in choice.candidates:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
@@ -206,7 +206,8 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Return whether the gain ``g`` on held-out data suffices to adopt a cause.
 
-    It must meet one of the module's conditions 1 to 3. ``first``: True for the first cause.
+    It suffices if `is_significant_gain`. It also suffices if the log-likelihood gain exceeds
+    `MIN_GAIN`, and the cause is the ``first`` one or has at least the score `SUFFICIENT`.
     """
     strong = first or choice.score >= SUFFICIENT
     return is_significant_gain(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
@@ -215,9 +216,11 @@ def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
 def is_significant_gain(g: Gain) -> bool:
     """Return whether the gain ``g`` suffices to adopt a cause, whatever the cause's score.
 
-    It suffices if it meets the module's condition 1 or 3. Δℓ, the increase in the log-likelihood of
-    held-out data, must be significant. Or Δℓ > `LARGE_GAIN`, and the prediction error of an axis
-    decreases significantly.
+    Δℓ is the increase in the log-likelihood of held-out data. The gain suffices if one of these
+    conditions holds:
+
+    - The bootstrap interval of Δℓ lies above zero.
+    - Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
     """
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return gain_interval_positive(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
@@ -281,7 +284,7 @@ def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -
     """Return the choices; each ``tied_with`` omits the other choices and ``formal`` effects.
 
     If names are removed, the confidence is raised to that against the remaining candidates.
-    ``formal``: effects that are other forms of the rigid body's equations, not causes.
+    ``formal``: effects that only write the rigid body's equations in another form.
     """
     named = {c.term.name for c in choices} | set(formal)
     out = []

@@ -110,11 +110,11 @@ def search_residual_torques(
 def _undecided(
     start: AdoptionResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
 ) -> AdoptionResult:
-    """Return ``start`` with all its causes marked "…-like", and with the residual torques ``left``.
+    """Return ``start`` with all causes unconfirmed, and with the residual torques ``left``.
 
-    A formula explained the flight better than the causes ``removed``, but in the model without
-    these causes no residual torque is significant. So all causes and torques are uncertain.
-    ``left``: torques of the first search.
+    The search found ``left`` before it removed any cause. A formula explained the flight better
+    than the causes ``removed``, but in the model without these causes no residual torque is
+    significant. So all causes and torques are uncertain.
     """
     findings = tuple(replace(f, unconfirmed=True) for f in start.findings)
     return replace(
@@ -130,8 +130,8 @@ def _without(
 ) -> AdoptionResult:
     """Return ``now`` after removing the causes ``names``; the others are refitted and tested.
 
-    The result lists ``names`` as dropped, with the gains that they had in ``now``. Without
-    ``names``, ``now`` is returned unchanged if its fit still cannot be bias-corrected.
+    The result lists ``names`` as dropped, with the gains that they had in ``now``. If ``names`` is
+    empty and the fit still cannot be bias-corrected, the function returns ``now``.
     """
     fit = now.fit
     for name in names:
@@ -147,10 +147,10 @@ def _without(
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings; the unconfirmed ones are marked "…-like".
+    """Return the findings, with their attribute ``unconfirmed`` set.
 
     A finding is unconfirmed if its size in ``fit`` is `insignificant`, or if it does not
-    significantly improve the prediction of held-out data.
+    significantly increase the likelihood of held-out data.
     """
     small = insignificant(fit)
     return tuple(
@@ -193,7 +193,8 @@ class Formula:
 class Contest:
     """The comparison of a set of causes with a formula that may replace them.
 
-    ``margin``: evidence for the formula, the left side of the module's inequality.
+    ``margin``: evidence for the formula, in units of 2 ln L: log-likelihood gain, BIC for the
+    number of parameters, and prior odds of one formula among many.
     """
 
     causes: tuple[str, ...]
@@ -244,7 +245,8 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
     """Return whether simulated flights favour the formula over the causes, which ``fit`` contains.
 
     Flights are simulated with the formula and with the causes. Those with the formula must agree
-    better with the recordings (Cox's test, `search.rivals`). True if simulation is impossible.
+    better with the recordings (Cox's test, `search.rivals`). If ``fit`` could not be bias-corrected
+    by simulated flights, the result is True.
     """
     if not fit.is_corrected:
         return True
@@ -258,10 +260,10 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
-    """Return the comparison of ``causes``, taken together, with the best formula.
+    """Return the comparison of ``causes``, taken together, with the best formula in their place.
 
-    Its ``margin`` is −∞ if the formula cannot be fitted. ``ln_causes``: the log-likelihood of
-    ``fit``, which contains the causes.
+    ``margin`` is −∞ if the formula cannot be fitted. ``ln_causes``: log-likelihood of ``fit``,
+    which contains the causes.
     """
     less = fit
     for name in causes:
@@ -276,7 +278,10 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:
-    """Return ``fit`` extended by the torque c φ whose axis and product φ explain most."""
+    """Return ``fit`` extended by one torque c φ, with the coefficient c refitted.
+
+    The axis, and the product φ of measured quantities, are those that explain most.
+    """
     x = evidence_without_nulls(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(x, int(i)) for i in axes}

@@ -149,10 +149,10 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int, size: float) -> list[tuple[float, float]]:
-        """Return ranges (least, most) of α for the probe ``i`` of this ``size``, one per sign of α.
+        """Return the range (least, most) of α > 0 and that of α < 0, each left out if empty.
 
-        With α in a range, the probe's effect alone explains a wrong K_f: the parameters corrected
-        for it give a K_f within the profile's tolerance.
+        With α in a range, α times the trial effect ``i`` explains a wrong K_f: the parameters
+        corrected for it give a K_f within the profile's tolerance. ``size``: of the trial effect.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(size)
@@ -165,10 +165,12 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the names of the terms with a probe that meets the module's conditions 1 and 2.
+    """Return the names of the terms that alone may explain a wrong base parameter.
 
-    ``ranges``: (probe index i, least α, largest α). With a size α in this range, the effect of
-    probe i alone explains the wrong parameter. α is in units of the probe.
+    ``ranges``: (index i of a trial effect, least α, largest α). With α in this range, α times the
+    trial effect i explains the wrong parameter. The range must contain a size of at most `LARGE`
+    typical sizes, and of the right sign. The effect's Z must lie in the corresponding range of Z,
+    widened by `SIGMAS_997` on either side.
     """
     screen, Z = step.screen, step.Z
 
@@ -195,9 +197,9 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
     """Return the fits of candidates that may replace the deviations of all inertias off nominal.
 
-    The first `MAX_ALTERNATIVES` identifiable terms with Z² > `SIGMAS_95`² are fitted. In the
-    returned fits, these inertias are within the profile's tolerance. The result is empty if no
-    inertia is off nominal.
+    The first `MAX_ALTERNATIVES` identifiable terms with Z² > `SIGMAS_95`² are fitted. A fit is
+    returned if its score exceeds −`TIE`, and if it puts all these inertias within the profile's
+    tolerance. The result is empty if no inertia is off nominal.
     """
     off = {o.term.name for o in off_nominal(s.fit) if o.term.effect.name == "inertia"}
     if not off:
@@ -245,9 +247,10 @@ def undetectable_scales(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the encoder scale errors of the measured ``axes`` that the recordings cannot show.
 
-    A wrong roll scale also shifts the level angle, because counts start at the rest angle
-    ``rest_rad``. ``detectable_offset_deg``: least detectable shift. ``tolerance``: relative scale
-    error that must be detectable. ``tied``: scale errors to omit, as they are already reported.
+    Counts start at the rest angle ``rest_rad``, so a wrong roll scale also shifts the level angle.
+    ``detectable_offset_deg``: least detectable shift. ``tolerance``: relative scale error; roll is
+    omitted if its shift at this error is detectable. ``tied``: scale errors to omit, because they
+    are already reported.
     """
     detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > detectable_offset_deg
     names = (f"{ENCODER_SCALE}.{axis}" for axis in axes if axis != "roll" or not detectable)
@@ -257,7 +260,8 @@ def undetectable_scales(
 def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
     """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
 
-    No flight separates an encoder scale, or the thrust gain from an inertia or imbalance.
+    No flight separates an encoder scale error from other causes. Nor does a flight separate the
+    thrust gain from an inertia or `mass.imbalance`.
 
     >>> separable_by_flight("inertia.roll", [THRUST_GAIN, "encoder.scale.yaw"])
     ()
@@ -295,7 +299,7 @@ def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
 def _inertia_ties(
     x: dict[str, tuple[float, float]], tolerance: float
 ) -> dict[str, tuple[str, ...]]:
-    """Return {axis: scale errors confounded with a wrong inertia of this axis}.
+    """Return {axis: encoder scale errors confounded with a wrong inertia of this axis}.
 
     ``x``: {name of the inertia J: (ln(J/J_nominal), its standard deviation)}.
     """

@@ -79,7 +79,10 @@ MIN_SCORE_SHARE = 0.5
 
 
 def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Finding, ...]:
-    """Return the findings; doubtful ones (rules 1 to 3 of the module) are marked "…-like"."""
+    """Return the findings; the doubtful ones are marked as unconfirmed ("…-like").
+
+    Rules 1 to 3 in the module's docstring define which findings are doubtful.
+    """
     recordings, unconfirmed = setup.recordings, set[str]()
     if not setup.controller_is_known:
         unconfirmed = not_confirmed([f.term.name for f in findings], recordings)
@@ -90,7 +93,7 @@ def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Findi
 
 
 def marked_like(f: Finding) -> Finding:
-    """Return the finding marked "…-like", with a confidence of at most `MOST_CONFIDENCE`."""
+    """Return the finding, marked as unconfirmed; its confidence is limited to `MOST_CONFIDENCE`."""
     confidence = min(f.choice.confidence, MOST_CONFIDENCE)
     return replace(f, unconfirmed=True, choice=replace(f.choice, confidence=confidence))
 
@@ -127,7 +130,10 @@ def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:
 
 
 def line_share(t: np.ndarray, x: np.ndarray, frequency_Hz: float) -> float:
-    """Return the spectral line's share of the variance of x (N,); t (N,) in s; 0 for constant x."""
+    """Return the share of x's variance in the spectral line at a frequency; 0 for constant x.
+
+    x (N,) is sampled at the times t (N,), in s.
+    """
     finite = np.isfinite(x)
     if finite.sum() < 2:
         return 0.0
@@ -198,7 +204,7 @@ def _fit_alone(recording: Recording, names: Sequence[str]) -> Estimate | None:
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return the findings, with further confounded causes in their ``tied_with``.
 
-    The segments of the flight do not separate these causes from the finding.
+    Vuong's test on segments of the flight does not separate these causes from the finding.
     """
     adopted = {f.term.name for f in findings}
     return tuple(
@@ -247,7 +253,9 @@ def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
 
 
 def ranking_std(d: np.ndarray) -> float:
-    """Return s, the standard deviation of 2 Σ d for the cells' log-likelihood differences d (C,).
+    """Return the standard deviation s of 2 Σ d.
+
+    d (C,) are the differences of two causes' log-likelihoods in C segments of the flight.
 
     >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
     4.0
@@ -256,7 +264,9 @@ def ranking_std(d: np.ndarray) -> float:
 
 
 def ranking_probability(difference: float, s: float) -> float:
-    """Return Φ(Δ/s), the confidence in the higher of two scores with the difference Δ ± s.
+    """Return Φ(Δ/s): the probability that the cause with the higher score is the likelier one.
+
+    The scores differ by Δ ≥ 0; s is the standard deviation of Δ.
 
     >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
     (0.84, 1.0)

@@ -39,9 +39,9 @@ def with_torques(
 ) -> AdoptionResult:
     """Return ``result`` with a term in its fit for each torque that improves held-out predictions.
 
-    Other torques are dropped. ``dropped`` then lists, for each of them, the proposal with the
-    largest log-likelihood gain. A torque for which no proposal can be fitted is kept without a
-    term.
+    A term is a formula or a curve proposed for the torque. A torque without such an improvement is
+    dropped: ``dropped`` lists its proposed term with the largest log-likelihood gain. A torque for
+    which no proposed term can be fitted is kept without a term.
     """
     fit, after = result.fit, result.after
     kept = list[tuple[ResidualTorque, tuple[Proposal, Gain] | None]]()

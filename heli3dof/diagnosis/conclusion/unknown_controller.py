@@ -52,7 +52,8 @@ def exceeds_rounding(
 ) -> bool:
     """Return whether the RMSE of one of ``axes`` decreases significantly, by more than rounding.
 
-    Rounding: `rounding_deg`. With ``increases``, return whether an RMSE increases in this way.
+    Rounding has the standard deviation `rounding_deg`. With ``increases``, the function returns
+    whether an RMSE increases significantly, by more than rounding.
     """
     rounding, sign = dict(zip(AXES, rounding_deg(profile), strict=True)), -1 if increases else 1
     changes = {a: g.rmse_deg[a] for a in axes}
@@ -81,9 +82,11 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return those ``parameters`` off nominal that meet the module's condition.
+    """Return those ``parameters`` off nominal that held-out predictions confirm.
 
-    ``after``: results of ``fit`` on held-out data.
+    Fitting the parameter, instead of keeping the profile's value, must improve the predictions of
+    an axis significantly and by more than encoder rounding. ``after``: results of ``fit`` on
+    held-out data.
     """
 
     def gained(p: OffNominal) -> Gain:

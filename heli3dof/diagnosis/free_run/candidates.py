@@ -46,7 +46,7 @@ CORRELATED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The score test of one probe: an effect at trial values of its parameters."""
+    """The score test of an effect at trial values of its parameters (``probe``)."""
 
     probe: Probe
     change: np.ndarray
@@ -60,10 +60,10 @@ class Candidate:
 
 
 def score_tests(fit: MultiStepFit) -> list[Candidate]:
-    """Return, by falling Z², the score test of each effect that ``fit`` lacks.
+    """Return the score test of each effect that ``fit`` lacks, largest Z² first.
 
-    An effect has the largest Z² over its trial values. Other forms of the body's
-    equations (``formal`` effects) are no causes, so they are not tested.
+    Of an effect's trial values, that with the largest Z² is returned. Effects that only write the
+    rigid body's equations in another form (``formal``) are not tested: they are no causes.
     """
     p = fit.problem
     V = np.concatenate([f.V for f in p.flights])
@@ -129,7 +129,7 @@ def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidat
 
 
 def _with_probe(fit: MultiStepFit, probe: Probe) -> np.ndarray:
-    """Return the residuals (R,) with the probe's effect added to the fit."""
+    """Return the residuals (R,) of the fit with an effect added at the values in ``probe``."""
     p = fit.problem
     new = restructured(p, [*(t.name for t in fit.structure.terms), probe.name])
     z, _ = carried_over(fit, new)

@@ -69,7 +69,8 @@ MOSTLY_PRIOR = "the recordings hardly determine its size: its interval is mostly
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
     """Return the confidence level P at which a term's first parameter differs from its null value.
 
-    The module gives the equation. P is 1 if the parameter has no null value or no σ.
+    P is 2 Φ(|θ − θ_0|/σ) − 1 for the estimate θ ± σ and the null value θ_0. It is 1 if the
+    parameter has no null value or no σ.
     """
     distance = null_distance(fit, name)
     return 1.0 if distance is None else 2 * NORMAL.cdf(abs(distance.u)) - 1
@@ -162,7 +163,7 @@ def _why(result: Elimination, r: TermResult) -> str:
 
 
 def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
-    """Return {parameter: value and σ, prior mean and σ, unit} of the term, in SI."""
+    """Return {parameter: JSON object} of a term in SI: estimate and σ, prior mean and σ, unit."""
     p, scale = fit.problem, thrust_scale(MeanTrimFit(fit))
     out: dict[str, dict[str, float | str]] = {}
     prior = p.start[: p.n]
@@ -232,16 +233,22 @@ class NullDistance(NamedTuple):
 
 
 def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
-    """Return (sizes are equal, sizes are significant) of a term in fits to two ``halves``.
+    """Return (sizes are equal, sizes are significant) of a term in fits to two halves of the data.
 
-    None without two halves, or if the term has no σ.
+    The function returns None if ``halves`` does not contain two fits, or if the term has no
+    standard deviation in one of them.
     """
     known = [d for h in halves if (d := null_distance(h, name)) is not None]
     return compared(*known) if len(known) == 2 else None
 
 
 def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
-    """Return (sizes are equal, sizes are significant) of estimates from two halves of the data."""
+    """Return (sizes are equal, sizes are significant) of a term's estimates from two data halves.
+
+    Sizes are equal if they differ by at most `SIGMAS_997` σ, or if they vary by recording. They are
+    significant if both differ from the null value in the same direction, each with the one-sided
+    confidence `LEVEL`, and neither is mostly the prior.
+    """
     one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
     significant = one_sign and not (a.mostly_prior or b.mostly_prior)
     significant = significant and min(abs(a.u), abs(b.u)) >= NORMAL.inv_cdf(LEVEL)
@@ -276,9 +283,9 @@ def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
 
 
 def equivalent_deviation(chi2: float, freedom: int) -> float:
-    """Return the standard normal deviate with the two-sided p-value of ``chi2``.
+    """Return the standard normal deviate whose two-sided p-value is that of ``chi2``.
 
-    ``freedom``: degrees of freedom of ``chi2``.
+    ``freedom``: degrees of freedom of the χ² distribution.
     """
     from scipy.stats import chi2 as law
     from scipy.stats import norm

@@ -101,9 +101,10 @@ def can_be_fitted(recordings: Sequence[Recording]) -> bool:
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
-    """Return why the likelihood is unusable; empty if it may be used.
+    """Return why the likelihood of the recordings is unusable; empty if it may be used.
 
-    It may also be used if a recording's controller is known, or if each recording lacks an angle.
+    The likelihood may always be used if a recording's controller is known, or if every recording
+    lacks an angle.
     """
     whole = _all_angles(recordings)
     if not whole or any(r.profile.controller is not None for r in whole):
@@ -126,8 +127,8 @@ def diagnose_without_likelihood(
 
     ``why`` is the result of `no_likelihood`; the other arguments are as in `diagnose.diagnose`.
     With the base "hover", the rigid body is a candidate (`geometry`). ``quick`` omits
-    cross-validation: the estimates alone select causes, marked "…-like". Then the gain is measured
-    on the training data if there are no held-out data.
+    cross-validation: the estimates alone select causes, which are marked as unconfirmed. Then the
+    gain is measured on the training data if there are no held-out data.
     """
     whole, partial = _all_angles(train), [r for r in (*train, *held) if len(r.axes) < len(AXES)]
     flights = [r for r, _ in flights_to_fit(whole)]
@@ -209,8 +210,8 @@ def _without_each(
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
     """Return {cause: (prediction errors of the model without it, of the model with it)}.
 
-    The errors are on the recordings ``held``, else on blocks left out, else (if no blocks were left
-    out) on the fitted recordings ``whole``.
+    The models predict the recordings ``held``. If there are none, they predict blocks left out of
+    the fit or, if no blocks were left out, the fitted recordings ``whole``.
     """
 
     removal = {"geometry": ("", "base.hover")}

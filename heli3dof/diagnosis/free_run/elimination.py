@@ -278,7 +278,7 @@ def without_term(
 
 
 def training_cost(current: FitWithFolds, trial: TermResult) -> float:
-    """Return the increase of the cost Q on the training blocks without the trial's term.
+    """Return by how much leaving out the trial's term increases the cost Q on the training blocks.
 
     It is 0 if the trial left out whole recordings: such a trial stores no fits.
     """
@@ -299,9 +299,10 @@ def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> n
 
 
 def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) in each of a flight's m cells of `WINDOW_S`.
+    """Return the mean robust loss (m,) of the predictions that start in each cell of a flight.
 
-    ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: RMS errors s.
+    A cell is `WINDOW_S` seconds long. ``e`` (S, M, 3): errors in rad of S predictions at M
+    horizons. ``scale``: RMS errors by horizon and axis, by which ``e`` is divided.
     """
     loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
     cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)
@@ -309,10 +310,10 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the fit's loss (m,) in the m cells of `WINDOW_S` of recording i.
+    """Return the mean loss (m,) in each of m cells of recording i, which the fit left out.
 
-    ``p`` contains all recordings, the fit ``full`` all but i. ``scale``: RMS errors s by horizon
-    and axis.
+    A cell is `WINDOW_S` seconds long. ``p`` contains all recordings, the fit ``full`` all except i.
+    ``scale``: RMS errors by horizon and axis, by which the prediction errors are divided.
     """
     q, flight, a = full.problem, p.flights[i], full.noise
     data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))

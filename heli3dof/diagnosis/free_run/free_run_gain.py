@@ -61,7 +61,10 @@ class FreeRun:
 
 
 def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
-    """Return the errors of ``models``, one for each fold, on the test windows of their folds."""
+    """Return the prediction errors of each model on the test windows of its fold.
+
+    ``models``: one model for each fold, fitted to the other folds.
+    """
     e, cell = [], []
     flights = [flight_of(r) for r in recordings]
     for fold, model in enumerate(models):
@@ -93,7 +96,10 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
 
 
 def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
-    """Return the decrease of the RMSE at 1 s from ``before`` to ``after``, with its intervals."""
+    """Return the decrease of the 1 s prediction RMSE from ``before`` to ``after``, with intervals.
+
+    ``on``: description of the predicted data; ``seed``: that of the bootstrap.
+    """
     names, cell = np.unique(before.cell, return_inverse=True)
     none = np.zeros(0)
 

@@ -58,9 +58,9 @@ class FitWithFolds:
         return self._without_recording[i]
 
     def without_term(self, name: str, fits: Sequence[MultiStepFit] = ()) -> FitWithFolds:
-        """Return the fits to all windows and for each fold, refitted without the term ``name``.
+        """Return the fit to all windows and each fold's fit, refitted without the term ``name``.
 
-        ``fits``: the refits for the folds, if they exist already.
+        ``fits``: the folds' refits without this term, if they exist already.
         """
         each = list(fits) or parallel_map(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
@@ -69,9 +69,9 @@ class FitWithFolds:
 
 
 def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiStepFit:
-    """Return the fit ``full`` refitted without term ``name``, with term ``instead`` if given.
+    """Return a refit of ``full`` without the term ``name``; ``instead``: a term to add.
 
-    An empty ``name`` removes no term.
+    If ``name`` is empty, no term is removed.
     """
     names = [t.name for t in full.structure.terms if t.name != name]
     if instead is not None:
@@ -128,7 +128,7 @@ def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.nda
 
 
 def recording_indices(problem: MultiStep, j: int) -> list[int]:
-    """Return the indices in z of parameter j's values, one for each recording."""
+    """Return the indices of parameter j's values, one per recording, in the scaled parameters z."""
     b = list(problem.own).index(j)
     return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
 
@@ -152,7 +152,10 @@ def folds_of(full: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
 
 
 def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
-    """Return the derivatives ∂r/∂z (dim, R) of the residuals in the windows ``kept``, (S,) bool."""
+    """Return the derivatives ∂r/∂z (dim, R) of the R residuals r in some prediction windows.
+
+    z are the fit's scaled parameters. ``kept`` (S,), bool: the windows to keep.
+    """
     each = full.tangents.reshape(len(full.z), len(kept), -1)
     return np.asarray(each[:, kept].reshape(len(full.z), -1))
 

@@ -35,8 +35,9 @@ SHARE_DRAWS = 500
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
     """Return at most one residual torque per axis, by falling share of the variance it explains.
 
-    The module defines this share on test spans. ``score``: share × number of spans. ``confidence``:
-    fraction of the bootstrap samples with a positive share.
+    The share is that of the variance on spans of flight to which the torque was not fitted.
+    ``score`` is the share times the number of spans, ``confidence`` the fraction of bootstrap
+    samples with a positive share.
     """
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
@@ -67,8 +68,8 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Return (row numbers, times, {variable: means}) of spans that do not overlap.
 
-    The row numbers refer to the result of `residuals`. Times are in s; recordings are
-    10⁴ s apart.
+    The row numbers refer to the result of `residuals`. Times are in s; 10⁴ s are added for each
+    earlier recording.
     """
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}

@@ -143,7 +143,7 @@ def probability_significant(u: float) -> float:
 def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:
     """Return the information (n, n) of a flight of ``plan`` on parameters shared by recordings.
 
-    The flight is simulated; None if it is not feasible.
+    The flight is simulated. The result is None if the flight is not feasible.
     """
     task = task_of(plan, model.profile, seed)
     flight = None if task is None else fly_task(task, model)

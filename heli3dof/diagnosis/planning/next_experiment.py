@@ -64,10 +64,11 @@ def fitted_cause(candidate: CandidateFit) -> Probe:
 
 
 def typical_cause(name: str) -> Probe:
-    """Return the term ``name`` with its first parameter at the start value of a fit.
+    """Return the term ``name`` with values of its parameters at which it has a typical effect.
 
-    If that is the value without the effect, the parameter differs from it by its typical size. The
-    difference is negative if the upper bound excludes a positive one.
+    The first parameter has the start value of a fit. If the effect is absent at this value, the
+    parameter's typical size is added, or subtracted if the sum would reach the upper bound. The
+    other parameters have their typical values.
     """
     t = term(name)
     first, *rest = t.effect.parameters
@@ -196,7 +197,8 @@ def _outlooks(
 ) -> list[PlanForecast]:
     """Return the forecasts of the plans that all ``models`` can fly.
 
-    ``models``: the base model, then one with each cause. ``groups``: the probes of each cause.
+    ``models``: the base model, then one with each cause. ``groups``: for each cause, the trial
+    sizes at which the score test evaluates it.
     """
     n, flat = len(models), [p for group in groups for p in group]
     starts = np.cumsum([0, *map(len, groups[:-1])])
@@ -218,7 +220,10 @@ def _outlooks(
 def _scores(
     base: Estimate, task: Task, model: GreyBoxModel, probes: Sequence[Probe]
 ) -> np.ndarray | None:
-    """Return the scores z of P probes on a simulated flight; None if it is not feasible."""
+    """Return the score-test statistics z (P,) of P trial effects on a simulated flight.
+
+    The result is None if the flight is not feasible or has no usable rows.
+    """
     flight = fly_task(task, model)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:
@@ -232,8 +237,8 @@ def _scores(
 def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
 
-    ``z`` (P,): scores of P probes on a flight simulated with cause ``i``. ``starts``: index of the
-    first probe of each cause.
+    ``z`` (P,): score-test statistics of P trial sizes of the causes, on a flight simulated with
+    cause ``i``. ``starts``: index in ``z`` of each cause's first trial size.
     """
     highest = np.maximum.reduceat(z**2, starts)
     return float(highest[i] - np.delete(highest, i).max(initial=0.0))

@@ -67,7 +67,8 @@ def fly_task(task: Task, model: GreyBoxModel) -> Recording | None:
     """Return the task's flight on ``model``, simulated in closed loop with noise.
 
     The profile's controller must stabilise the model (`is_stable`). The result is None if the
-    flight leaves the envelope, or if `simulate` raises an error for a plan that opens loops.
+    flight leaves the envelope, or if `simulate` raises an error for a plan that opens control
+    loops.
     """
     if task.signals.opened is None:
         references = _reference_recording(task)

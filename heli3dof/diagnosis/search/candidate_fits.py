@@ -76,13 +76,13 @@ class CandidateFit:
 
     @property
     def statistic(self) -> float:
-        """Return what the threshold of Z² limits: Z², or without a score test the score."""
+        """Return the number to compare with the threshold of Z²: Z², or the score if Z² is None."""
         return self.score if self.Z2 is None else self.Z2
 
 
 @dataclass(frozen=True)
 class GridTrial:
-    """A term at one ``value`` of its first parameter, and its gain in log-likelihood there."""
+    """A term with the trial ``value`` of its first parameter, and its gain in log-likelihood."""
 
     term: Term
     value: float
@@ -93,10 +93,11 @@ class GridTrial:
 def trials(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Return the trials of the terms ``untested`` with Δℓ > `MIN_TRIAL_GAIN`.
+    """Return those of the ``untested`` terms that gain Δℓ > `MIN_TRIAL_GAIN`, at their best values.
 
-    Δℓ is the gain in log-likelihood over the current fit, which has the parameters ``theta`` (n,).
-    ``noise`` (4,): process noise of three axes, sampling jitter.
+    Each term is added to the current fit at ascending values of its first parameter, as long as the
+    gain Δℓ in log-likelihood rises. ``theta`` (n,): parameters of the current fit; ``noise`` (4,):
+    its process noise of three axes, and its sampling jitter.
     """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
@@ -121,10 +122,10 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the trial's Δℓ exceeds that in every null by more than `MIN_TRIAL_GAIN`.
+    """Return True if the recordings' Δℓ exceeds that of each null by more than `MIN_TRIAL_GAIN`.
 
-    Δℓ is the gain in log-likelihood by the trial's term. ``nulls``: data of flights simulated
-    without the term.
+    Δℓ is the gain in log-likelihood by adding the trial's term at its trial value. ``nulls``: data
+    of flights simulated without the term.
     """
     ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 
@@ -261,12 +262,13 @@ def bic_penalty(m: int, at: FilterRun) -> float:
 def start_at_probe(
     ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """Return the start parameters (n + m,) of a fit with a new term.
+    """Return the start parameters (n + m,) of a fit with a new term of m parameters.
 
-    The first n are those of the current fit. The other m are the new term's, at the values of its
-    probe i (`search.catalogue`). ``ext``: likelihood with the new term. ``unbiased``: (z − z̄)/z,
-    with the probe's score z and its mean z̄ over the null simulations. This factor corrects the size
-    of the new term for bias.
+    The first n are those of the ``current`` fit. The other m are the trial values at which the
+    score test evaluated the term; i is their index in ``result``. If the effect can have either
+    sign, the score test's estimate of its size replaces the first value. ``unbiased`` corrects this
+    estimate for bias. It is (z − z̄)/z, with the score z and its mean z̄ over the null simulations.
+    ``ext``: likelihood with the new term.
     """
     probe = result.probes[i]
     new = ext.structure.free[len(current.free) :]

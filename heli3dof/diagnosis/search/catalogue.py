@@ -48,7 +48,8 @@ def candidates(
 ) -> list[Term]:
     """Return the candidate terms on the measured ``axes``, except ``refuted`` ones.
 
-    ``present``: terms of the fit. They are no candidates, and other effects may require them.
+    ``present``: terms of the fit, which are no candidates. An effect that requires another one is a
+    candidate only if that one is present.
     """
     out = []
     for effect in effects().values():
@@ -73,9 +74,10 @@ def on_each_axis(effect: Effect, axes: Sequence[str], without: Sequence[str]) ->
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
-    """Return a term's probes: parameter values at which the score test evaluates it.
+    """Return a term's probes: the parameter values at which the score test evaluates it.
 
-    ``V`` (N, 2): recorded voltages; a voltage limit is probed at quantiles of |V|.
+    A voltage limit is evaluated at quantiles of |V|; ``V`` (N, 2): recorded voltages. The list is
+    empty for a term with a frequency or instant to scan.
     """
     effect, null = term.effect, tuple(p.null for p in term.effect.parameters)
     if effect.scan:
@@ -88,6 +90,6 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
-    """Return a scan of each term in ``terms`` that has a frequency or an instant to scan."""
+    """Return a `Scan` for each term whose frequency or instant is found by trying all of them."""
     kinds: dict[str, type[Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

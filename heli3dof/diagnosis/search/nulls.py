@@ -87,8 +87,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        Terms that are other forms of the rigid body's equations have a threshold of their own. Its
-        Bonferroni correction counts only such candidates of the base simulation.
+        Terms that only write the rigid body's equations in another form have a threshold of their
+        own. Its Bonferroni correction counts only these terms of the catalogue.
         """
         from scipy.stats import t
 
@@ -141,7 +141,8 @@ def simulated_nulls(
 def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
     """Return the distribution of the P scores, from their values z (B, P) in B simulated flights.
 
-    The first ``signed`` scores (default: all) are those of probes, the others those of scans.
+    The first ``signed`` scores (default: all) are of effects at trial values. The others are the
+    largest scores over all frequencies or instants of an effect.
     """
     from scipy.stats import t
 

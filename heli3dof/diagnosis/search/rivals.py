@@ -50,10 +50,10 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that scores cannot rank, the chosen cause first.
+    """Return the candidates whose scores are too biased to rank them, the chosen cause first.
 
-    The list is empty if scores can rank them. Terms that the score test cannot detect have no score
-    bias and are not among them.
+    The list is empty if no bias is that large. Terms that the score test cannot detect are left
+    out, because they have no such bias.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
@@ -68,8 +68,8 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
     """Return |z̄|/√κ, the bias of the score test relative to its scatter, for each candidate.
 
-    z̄ is the mean of the candidate's z over the nulls, κ their variance inflation. Candidates that
-    the score test cannot detect are omitted.
+    z̄ is the mean of the candidate's score z over the null simulations, κ the variance inflation of
+    all scores there. Candidates that the score test cannot detect are omitted.
     """
     at = [c.probe for c in candidates if c.probe is not None]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
@@ -168,5 +168,8 @@ def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
 
 
 def least_odds(W: np.ndarray) -> np.ndarray:
-    """Return the smallest W_kj over j ≠ k, for each k (K,)."""
+    """Return min_{j≠k} W_kj (K,): each rival k's log odds against its strongest opponent j.
+
+    ``W`` (K, K): twice the log odds of rival k (row) against rival j (column).
+    """
     return np.asarray(np.where(np.eye(len(W), dtype=bool), np.inf, W).min(axis=1))

@@ -46,7 +46,7 @@ from heli3dof.model.physics.state_layout import Stage
 
 @dataclass(frozen=True, eq=False)
 class ScreenResult:
-    """Scores of P probes for the recordings or for one null simulation."""
+    """Scores of P trial effects, for the recordings or for one null simulation."""
 
     probes: tuple[Probe, ...]
     """Plain probes, then each scan's probe at its peak"""
@@ -96,22 +96,26 @@ class Screen:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names (P,) of the probes' terms, scans last."""
+        """Return the names (P,) of the terms that the P scores test.
+
+        Terms at trial values come first, then those scanned over frequencies or instants.
+        """
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ of the changes of predicted readings by probes ``a`` and ``b``.
+        """Return the correlation ρ of the changes of predicted readings by two trial effects.
 
-        The fit's parameters are projected out.
+        ``a`` and ``b`` are their indices. The fit's parameters are projected out of the changes.
         """
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
 
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
-        """Return the scores of all probes and scans.
+        """Return the scores of all trial effects and of all scans over frequencies or instants.
 
-        ``prior``: whether to include the prior's score; True for the recordings, False for nulls.
+        ``prior``: whether the score of the fit's own parameters includes the prior. It does for the
+        recordings, and does not for null simulations.
         """
         problem = self.problem
         g = evaluation.g
@@ -141,9 +145,9 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return for each term: its probes' indices, the model with it, and parameter values.
+        """Return for each term: its trials' indices, the model with the term, and parameter values.
 
-        The first array of values is without the effect, each further one at one probe.
+        The values are a list of arrays: first without the effect, then one array per trial.
         """
         rows: dict[str, list[int]] = {}
         for i, p in enumerate(self.plain):
@@ -156,7 +160,7 @@ class Screen:
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
-        """Yield, for each term, the changes of accelerations and readings that its probes cause."""
+        """Yield, for each term, how its trial values change the accelerations and the readings."""
         p = evaluation.path
         for rows, wide, sets in self.sets:
             hooks = set(wide.terms[-1].effect.hooks)
@@ -171,7 +175,10 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """Return the structure with the term ``t``, and values at which this term has no effect."""
+    """Return the structure with the term ``t``, and parameter values at which t has no effect.
+
+    ``values``: those of the other parameters, which are kept.
+    """
     wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])

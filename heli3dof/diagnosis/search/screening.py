@@ -1,7 +1,7 @@
 """Screen a fit: standardised scores Z of all candidates, and the effects that can be detected.
 
-Z = (z − mean z_null) / std z_null, with the scores z of `search.score_test` and the nulls of
-`search.nulls`.
+Z = (z − mean z_null) / std z_null. z are the recordings' scores (`search.score_test`), z_null the
+scores of flights simulated from the fit (`search.nulls`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ less than this. Chosen."""
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """A fit's score test: the recordings' scores, and their distribution in the nulls."""
+    """A fit's score test: the recordings' scores, and their distribution in null simulations."""
 
     fit: CorrectedFit
     """The current fit: the base with all causes of earlier steps"""
@@ -43,9 +43,10 @@ class Screening:
 
     @cached_property
     def ranked(self) -> list[tuple[Term, float, int]]:
-        """Return (term, Z², index of its best probe), largest Z² first.
+        """Return (term, Z², index of the trial values with this Z²) of each term, by falling Z².
 
-        Z² is zero if a one-sided term has the wrong sign, such as a negative friction.
+        A term has the largest Z² over its trial values. Z² is zero if a term would have the wrong
+        sign, such as a negative friction.
         """
         best: dict[str, tuple[Term, float, int]] = {}
         for i, p in enumerate(self.recorded.probes):
@@ -64,7 +65,7 @@ class Screening:
         """Return the terms that the recordings do not determine, the best determined first.
 
         The standard deviation σ of their first parameter is so large that `SIGMAS_997` σ exceeds
-        `LARGE` typical sizes. Limits that the recordings do not reach are included.
+        `LARGE` typical sizes. A voltage limit is included if the recorded voltages never reach it.
         """
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
@@ -77,7 +78,7 @@ class Screening:
     def detectable_size(self, name: str) -> float:
         """Return the size of a term's first parameter, in its unit, at which Z² is significant.
 
-        It is infinite for a term without probes, such as a scanned one.
+        It is infinite for a term without trial values, such as one with a frequency to scan.
         """
         plain = zip(self.screen.plain, self._sigma, strict=True)
         named = [float(s) for p, s in plain if p.name == name]
@@ -85,7 +86,10 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of every probe's first parameter; scans are omitted."""
+        """Return the standard deviation of the first parameter, estimated at each trial value.
+
+        Terms with a frequency or instant to scan are omitted.
+        """
         plain, v = self.screen.plain, self.screen.v
         size = np.array([np.inf if p.size is None else p.size for p in plain])
         information = np.maximum(np.where(np.isfinite(v), v, 0.0) / size**2, 1e-300)
@@ -93,7 +97,7 @@ class Screening:
 
 
 def one_sided(probe: Probe) -> bool:
-    """Return True if a rig can have the probe's effect with one sign only."""
+    """Return True if a rig can have the effect with one sign only, such as friction."""
     if probe.term.effect.scan or probe.size is None:
         return True
     q = probe.term.effect.parameters[0]

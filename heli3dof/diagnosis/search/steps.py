@@ -61,7 +61,11 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return trials of ``untested`` terms that justify full fits (`candidate_fits`)."""
+        """Return the ``untested`` terms whose log-likelihood gain justifies a full fit.
+
+        Each is returned with its trial value. If flights can be simulated, the gain must also
+        exceed that in null simulations.
+        """
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:
@@ -134,10 +138,10 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
-    """Return the step after ``fit``: its scores and their nulls, no choice yet.
+    """Return the step that follows ``fit``, without a choice: scores and their null distribution.
 
-    ``flights``: number of nulls to simulate. If simulated flights did not correct the bias of
-    ``fit``, a formula replaces the nulls.
+    ``flights``: number of flights to simulate for this distribution. If ``fit`` was not
+    bias-corrected by simulated flights, a formula gives the distribution.
     """
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
@@ -161,7 +165,8 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
 def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> CorrectedFit:
     """Return the ``current`` fit with the chosen term, bias-corrected.
 
-    If that term is another form of the body's equations, other significant forms are added too.
+    If the chosen term writes the rigid body's equations in another form (``formal``), all other
+    significant terms of this kind are added too.
     """
     best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum
@@ -172,9 +177,9 @@ def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> Corre
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return whether ``other`` is a significant form of the rigid body's equations.
+    """Return whether ``other`` writes the rigid body's equations in another form, significantly.
 
-    Its Z² and its score must both reach the threshold of ``choice``.
+    Its Z² and its score must both reach the threshold of Z² in ``choice``.
     """
     return other.term.effect.formal and min(other.statistic, other.score) >= choice.threshold
 
@@ -182,7 +187,7 @@ def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
 def with_forms(
     problem: Likelihood, optimum: Optimum, others: Sequence[CandidateFit]
 ) -> tuple[Likelihood, Optimum]:
-    """Return the likelihood with the terms of ``others`` added, and its refitted optimum."""
+    """Return the likelihood with the terms of ``others`` added, and its new optimum."""
     theta = optimum.theta
     for c in others:
         problem = problem.with_term(c.term)
@@ -250,9 +255,10 @@ def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> Correcte
 
 
 def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
-    """Return the base simulation with the form of the body's equations in ``fit``, refitted.
+    """Return the base simulation, refitted with the form of the equations that ``fit`` has.
 
-    It is ``base`` itself if ``fit`` contains no other form (``formal`` effects).
+    ``formal`` effects in ``fit`` write the rigid body's equations in another form. If there are
+    none, the function returns ``base``. Else it removes all added terms except these from ``fit``.
     """
     if not fit.structure.formal:
         return base
@@ -264,9 +270,11 @@ def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
 
 
 def out_of_range(fit: CorrectedFit, keep: np.ndarray, refit: Optimum) -> bool:
-    """Return True if a refit of the parameters ``keep`` ((n,) bool) is too far from ``fit``.
+    """Return True if the bias correction of ``fit`` is invalid for ``refit``.
 
-    The bias correction of ``fit`` is then not valid for the refit.
+    It is invalid if the parameters differ by more than `MAX_SHIFT` standard deviations, or the
+    noise intensities by more than `MAX_NOISE_SHIFT` in logarithm. ``keep`` (n,), bool: the
+    parameters of ``fit`` that ``refit`` has.
     """
     o = fit.optimum
     A = o.information + np.diag(fit.problem.prior_precision)

@@ -158,7 +158,11 @@ def linearised_run(fit: Estimate) -> LinearisedRun:
 
 
 def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> LinearisedRun:
-    """Return the filter run with parameters ``theta`` (n,) and ``noise`` as in `LinearisedRun`."""
+    """Return the filter run over the data of ``problem``, with the model's derivatives.
+
+    ``theta`` (n,): the model's parameters. ``noise`` (4,): process noise and sampling jitter, as in
+    `LinearisedRun`.
+    """
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
     A, B, slope, q_ddot = along(problem, theta, at.X)
@@ -168,9 +172,10 @@ def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray)
 def along(
     problem: Likelihood, theta: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, the readings' slopes and the accelerations in the states X (N, 6).
+    """Return the model's derivatives and accelerations at the states X (N, 6).
 
-    They are as in `LinearisedRun`, for the model with the parameters ``theta`` (n,).
+    They are the arrays ``A``, ``B``, ``slope`` and ``q_ddot`` of `LinearisedRun`. ``theta`` (n,):
+    the model's parameters.
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import linear
 
@@ -202,17 +207,17 @@ class Hats:
 
     @property
     def groups(self) -> tuple[tuple[int, str], ...]:
-        """Return (axis, variable) of each group of hat functions."""
+        """Return (index of the axis, variable) of each group of hat functions."""
         return tuple((int(a), v) for a in self.axes for v in self.variables)
 
     def columns(self, group: int) -> slice:
         return slice(group * KNOTS, (group + 1) * KNOTS)
 
     def knot_positions(self, flight: LinearisedRun) -> tuple[np.ndarray, np.ndarray]:
-        """Return, for each row and variable z, the knot below z and the way to the next knot.
+        """Return the knot below each variable z, and the position of z between two knots.
 
-        Both arrays are (N, M), for N rows and M variables. The way is a fraction of the distance
-        between the knots.
+        Both arrays are (N, M), for N rows and M variables. The position is the fraction, from 0 to
+        1, of the way from that knot to the next one.
         """
         N, M = len(flight.data.t), len(self.variables)
         left, share = np.zeros((N, M), dtype=np.int8), np.zeros((N, M), dtype=np.float32)
@@ -225,9 +230,10 @@ class Hats:
         return left, share
 
     def scores(self, flight: LinearisedRun, blocks: np.ndarray | None = None) -> np.ndarray:
-        """Return the scores ∂ ln L/∂τ_j (J,) of the functions.
+        """Return the scores ∂ ln L/∂τ_j (J,) of the J hat functions' coefficients τ_j.
 
-        With ``blocks`` (N,), the block number of each row, the scores are (B, J), by block.
+        ``blocks`` (N,) gives the block number of each row. With it, the result has the shape
+        (B, J): a row of scores for each of B blocks.
         """
         left, share = self.knot_positions(flight)
         from heli3dof.diagnosis.unmodelled.residual_torque_passes import gather
@@ -241,7 +247,10 @@ class Hats:
 
 
 def hats(flight: LinearisedRun, axes: np.ndarray) -> Hats:
-    """Return hat functions on ``axes`` of all variables whose range exceeds `MIN_RANGE`."""
+    """Return hat functions of each variable whose range in the flight exceeds `MIN_RANGE`.
+
+    Each hat function is a torque on one axis; ``axes`` (A,): indices of these axes.
+    """
     names, knots = [], []
     for name, unit in UNITS.items():
         z = flight.variable(name)[flight.in_runs]
@@ -274,8 +283,9 @@ def sums_along(
 ) -> HatScores:
     """Return scores and information of all hat functions in ``library``.
 
-    ``tangents`` (p, E): derivatives of the E predictions by the fit's parameters. ``wanted``:
-    columns of functions whose changes δc of the predictions are returned; none by default.
+    ``tangents`` (p, E): derivatives of the E predictions by the fit's p parameters. ``wanted``:
+    columns of the functions for which the result also contains the changes δc of the predictions;
+    none by default.
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import forced
 

@@ -31,7 +31,11 @@ R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V
 def _linear(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
 ):  # fmt: skip
-    """Write A, B, the readings' slopes and the accelerations (see the module) along X (N, 6)."""
+    """Write the model's derivatives and accelerations at the states X (N, 6) to four arrays.
+
+    ``A`` (N, 3, 6) = ∂q̈/∂(q, q̇), ``B`` (N, 3, 3) = ∂q̈/∂τ, ``slope`` (N, 3) = ∂reading/∂angle,
+    ``q_ddot`` (N, 3) in rad/s².
+    """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     w, m = np.zeros((4, 3)), np.empty(3)
@@ -189,7 +193,8 @@ forced = compiled(_forced, error_model="numpy", nogil=True)
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
     """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J).
 
-    ν_k: result ``nu`` of `_gradient` in row k; z_k: the variable of φ in row k.
+    ν_k is the derivative of ln L by the torque in row k (``nu``, from `_gradient`), z_k the value
+    of the variable of φ. The sum is over the rows k of a block.
     """
     M = left.shape[1]
     for k in range(nu.shape[0]):

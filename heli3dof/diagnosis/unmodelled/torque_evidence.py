@@ -96,8 +96,9 @@ class Nuisance:
     ) -> Nuisance:
         """Return these parameters, extended by the coefficients of a torque's hat functions.
 
-        ``D`` (KNOTS, E): derivatives of the predictions by these coefficients. ``P`` (KNOTS, rank):
-        their informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
+        ``D`` (KNOTS, E): derivatives of the E predictions by the coefficients. ``P`` (KNOTS, rank):
+        combinations of coefficients on which the flight has information; only these are added.
+        ``columns`` (KNOTS,): the coefficients' columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -113,9 +114,10 @@ class Nuisance:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The scores of the candidate residual torques in ``library``, evaluated at a fit.
+    """A fit's filter run, from which the scores of the residual torques in ``library`` follow.
 
-    ``null``: the same scores in flights simulated without such torques, or None.
+    ``null``: these scores in flights simulated without such torques; None if no flights were
+    simulated.
     """
 
     fit: CorrectedFit
@@ -127,7 +129,7 @@ class Evidence:
 
     @cached_property
     def path(self) -> Path:
-        """Return the filter's states and derivatives, from which a torque's effect follows."""
+        """Return the filter's states and derivatives, which give a torque's effect on readings."""
         problem, o = self.fit.problem, self.fit.optimum
         return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
 
@@ -142,9 +144,9 @@ def evidence_without_nulls(fit: CorrectedFit) -> Evidence:
 def evidence(
     fit: CorrectedFit, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
-    """Return the evidence for torques in the recordings that ``fit`` was fitted to.
+    """Return the evidence for residual torques in the recordings that ``fit`` was fitted to.
 
-    It includes ``flights`` null simulations if simulated flights corrected the fit's bias.
+    It includes ``flights`` null simulations if ``fit`` was bias-corrected by simulated flights.
     """
     x = evidence_without_nulls(fit)
     if not fit.is_corrected:
@@ -162,17 +164,18 @@ def coloured_noise_ratio(
     white: float,
     chance: float,
 ) -> float:
-    """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
+    """Return ρ ≥ 1, the ratio of the variance of a torque's scores to that with white noise.
 
-    ``torque`` (K,): estimated coefficients of a torque. ``D`` (K, E): derivatives of the E
-    predictions by them. The torque's effect is subtracted from the readings' scores. From these,
-    the scores of k linear combinations of the coefficients are summed over blocks of time. The sums
-    have the information V and the long-run covariance S (`bias_correction.coloured_noise`).
+    The torque has K coefficients, estimated as ``torque`` (K,). ``D`` (K, E) are the derivatives of
+    the E predicted readings by these coefficients. First, the torque's effect is subtracted from
+    the readings' scores. Then the scores of k linear combinations of the coefficients are summed
+    over blocks of time. V is the information of these sums, S their long-run covariance
+    (`bias_correction.coloured_noise`).
 
-    ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``): for the combinations P (K, k) with
-    information, and for a constant torque. ``white`` is tr(V⁺ S)/k in null simulations. A ratio
-    that white noise exceeds with a probability above ``chance`` is ignored. ``nuisance``:
-    parameters projected out.
+    ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``). The first ratio is for the
+    combinations ``P`` (K, k), the second for a constant torque (k = 1). ``white`` is the value of
+    tr(V⁺ S)/k with white noise. A ratio is ignored if white noise exceeds it with a probability
+    above ``chance``. ``nuisance``: parameters projected out.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -213,9 +216,9 @@ def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores of the coefficients of J hat (triangular) functions, and of n parameters.
+    """Scores of the coefficients of J hat (triangular) functions, and of a fit's n parameters.
 
-    They are from B simulated flights, or from B blocks of a recorded flight (see the module).
+    There is one set of scores for each of B simulated flights, or B blocks of a recorded flight.
     """
 
     u: np.ndarray
@@ -227,7 +230,11 @@ class Scores:
 def simulated_scores(
     fit: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
 ) -> Scores:
-    """Return the scores in ``flights`` simulated flights of the fitted rig, with its controller."""
+    """Return the scores of the fit's parameters and of ``library`` in simulated flights.
+
+    ``flights`` flights of the fitted model are simulated, with the recordings' controller.
+    ``library``: hat functions, candidates for a residual torque.
+    """
     model = model_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
@@ -255,9 +262,10 @@ def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray)
 
 
 def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
-    """Return the names of P probes of causes that ``fit`` lacks, and their traces (P, E).
+    """Return names and traces (P, E) of P trial effects: candidate causes that ``fit`` lacks.
 
-    A trace is the change of the E predicted readings by the probe.
+    A trace is the change of the E predicted readings by the effect, at trial values of its
+    parameters.
     """
     problem, o = fit.problem, fit.optimum
     axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
@@ -281,8 +289,9 @@ def similarity(
 ) -> tuple[str, float]:
     """Return (most similar cause, |cos|) of a torque that changes predictions by ``trace`` (E,).
 
-    ``named``: from `named_traces`. ``tangents`` T (p, E), A (p, p): of the parameters projected
-    out, as in the module docstring.
+    cos is the correlation of the changes by torque and cause. ``named``: the causes, from
+    `named_traces`. p parameters are projected out: ``tangents`` (p, E) are the derivatives of the
+    predictions by these parameters, ``A`` (p, p) is their information including the prior.
     """
     names, D = named
     D = np.vstack([trace, D])

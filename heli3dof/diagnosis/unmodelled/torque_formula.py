@@ -174,8 +174,8 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
     """Return the changes (P, E) of the E predicted readings by each of P torques c φ on an axis.
 
-    c is 1 in SI units. ``axis``: index of the axis; ``products``: formulas of the P products φ,
-    such as ``roll_rate*sin(pitch)``.
+    The coefficient c is 1 in SI units. ``axis``: index of the axis; ``products``: the P products φ
+    as text, such as ``roll_rate*sin(pitch)``.
     """
     p, flight = x.path, x.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
@@ -184,9 +184,10 @@ def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarra
 
 
 def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score (K,) and information (K, K) of K coefficients of a torque.
+    """Return score (K,) and information (K, K) of the K coefficients of a torque.
 
-    ``D`` (K, E): derivatives of the E predictions by them. The fit's parameters are projected out.
+    ``D`` (K, E): derivatives of the E predicted readings by the coefficients. The fit's parameters
+    are projected out of the score and the information.
     """
     at, nuisance = x.flight.at, x.nuisance
     weighted = D * at.w

@@ -164,10 +164,12 @@ def significant_torques(
 def _next_torque(
     evidence: Evidence, nuisance: Nuisance, tests: ScoreTests, *, is_coloured: bool
 ) -> tuple[int, ResidualTorque, np.ndarray] | None:
-    """Return group, torque and traces of the largest x that meets condition 3 of the module.
+    """Return (index of the group, torque, traces) of the next torque to accept, or None.
 
-    None if no group meets it. The traces (KNOTS, E) are those of the group's functions at the
-    filter's E updates. ``is_coloured``: slow noise was found before.
+    Of the groups that meet condition 3 in the module's docstring, that with the largest x is taken;
+    for functions of time, `TIE` is added to x. The result is None if no group meets the condition.
+    The traces (KNOTS, E) are the changes of the E predicted readings by the group's hat functions.
+    ``is_coloured``: slow noise was found before.
     """
     significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
     for q in with_time_first(significant, evidence.library, tests.x):
@@ -182,7 +184,7 @@ def _next_torque(
 
 
 def _traces(evidence: Evidence, nuisance: Nuisance, q: int) -> np.ndarray:
-    """Return the traces (KNOTS, E) of the functions of group q at the filter's E updates."""
+    """Return the changes (KNOTS, E) of the E predicted readings by each hat function of group q."""
     library = evidence.library
     columns = np.r_[library.columns(q)]
     return sums_along(library, evidence.flight, nuisance.tangents, columns).traces
@@ -199,9 +201,10 @@ def _group(library: Hats, tests: ScoreTests, location: TorqueLocation) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return ``groups`` by falling significance ``x``; for functions of time `TIE` is added to x.
+    """Return the indices ``groups``, sorted by falling significance ``x``.
 
-    Thus slow noise is preferred to a torque of another variable that explains hardly more.
+    `TIE` is added to the x of functions of time. Thus slow noise is preferred to a torque of
+    another variable that explains hardly more.
     """
 
     def key(q: int) -> float:
@@ -238,7 +241,10 @@ def _exceeds_coloured_noise(
 
 @dataclass(frozen=True, eq=False)
 class ScoreTests:
-    """Results of the score tests of all groups: the hat functions of a variable on an axis."""
+    """Results of the score tests of all groups of hat functions.
+
+    A group contains the hat functions of one variable on one axis.
+    """
 
     x: np.ndarray
     """(groups,) −2 ln P(χ²_r > S/κ)"""
@@ -269,9 +275,10 @@ def score_tests(
 ) -> ScoreTests:
     """Return the score tests of all groups of hat functions.
 
-    ``null``: scores in simulated flights. They give the threshold and κ, the inflation of the test
-    statistic S; if None, blocks of the recorded flight give κ. ``sums``: scores and information of
-    the recorded flight (`sums_along`).
+    ``sums``: scores and information of the recorded flight (`sums_along`). ``null``: scores in
+    simulated flights, which give the threshold, and the inflation κ of the test statistic S. If
+    ``null`` is None, blocks of the recorded flight give κ, and the threshold is Bonferroni's,
+    doubled.
     """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
@@ -392,7 +399,7 @@ def _residual_torque(
 def share_of(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
     """Return the share 1 − var(τ̂ − f)/var(τ̂) ≥ 0 of the torque τ̂ (N,) that f (N,) explains.
 
-    Both are averaged over `WINDOW_S`; ``h`` (N,): sampling intervals in s.
+    τ̂ and f are averaged over `WINDOW_S` first. ``h`` (N,): sampling intervals in s.
     """
     every = max(1, round(WINDOW_S / float(np.median(h))))
     n = len(f) // every

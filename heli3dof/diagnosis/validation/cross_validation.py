@@ -88,7 +88,10 @@ def on_holdout(
 
 
 def on_blocks(fit: Estimate, theta: np.ndarray | None = None) -> HeldOut:
-    """Evaluate a fit on each block, with parameters from the other blocks, or with ``theta``."""
+    """Evaluate a fit on each block of its recordings, with parameters from the other blocks.
+
+    ``theta`` (n,), if given, replaces these parameters in all blocks.
+    """
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
@@ -108,7 +111,7 @@ def held_out(
 ) -> HeldOut:
     """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation.
 
-    With ``theta`` (n,), the model is evaluated on the same rows with these parameters instead.
+    ``theta`` (n,), if given, replaces the fitted parameters on the same rows, without refitting.
     """
     return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta)
 
@@ -231,7 +234,8 @@ def settling_s(problem: Likelihood) -> float:
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     """Return each row's log-likelihood ln Z (N, 3) by axis; 0 outside the data's blocks.
 
-    ``X``: a filter run's states and, from column 6, ln Z summed up to each row (``keep`` = 3).
+    ``X`` (N, 9): columns 0 to 5 are a filter run's states, columns 6 to 8 the sums of ln Z over all
+    rows up to each row, by axis.
     """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
@@ -244,9 +248,10 @@ def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
 def _most_likely_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
 ) -> np.ndarray:
-    """Return ``noise`` (4,) with the process noise that makes rows from ``first`` on most likely.
+    """Return ``noise`` (4,), its process noise replaced by the most likely one.
 
-    Earlier rows only settle the filter, which at its start may mistake a limit cycle for a rate.
+    The likelihood is that of the rows from ``first`` on. Earlier rows only let the filter settle:
+    at its start, it may mistake a limit cycle for a rate.
     """
     a = np.array(noise, dtype=float)
     best, highest = a.copy(), np.full(3, -np.inf)
@@ -276,9 +281,10 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Return the sums of all results in ``parts`` over cells, intervals of about `CELL_S` s.
+    """Return the results of all ``parts``, summed over cells of about `CELL_S` seconds.
 
-    ``on``: description of the held-out data.
+    Each part contains the results on one hold-out recording or block. ``on``: description of the
+    held-out data.
     """
     cell_of_row, recorded_t = np.full(len(d.t), -1, dtype=np.int64), d.recorded_t
     starts: list[float] = []

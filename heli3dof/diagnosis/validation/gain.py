@@ -94,9 +94,9 @@ class Gain:
 
     @property
     def removes_most_error(self) -> bool:
-        """Return True if most of an axis' mean square error in ``before`` is removed in ``after``.
+        """Return True if, on at least one axis, ``after`` removes most of the mean square error.
 
-        The decrease must also be significant (`removes_most`).
+        The decrease from ``before`` must also be significant (`removes_most`).
         """
         return any(
             won is not None and removes_most(self.before[a] or 0.0, self.after[a] or 0.0, won.low)
@@ -128,10 +128,11 @@ def interval(draws: np.ndarray) -> tuple[float, float]:
 def rmse_decreases(
     before: np.ndarray, after: np.ndarray, counts: np.ndarray, drawn: np.ndarray
 ) -> dict[str, Interval | None]:
-    """Return the decrease of the RMSE by axis in degrees; None for an axis without predictions.
+    """Return {axis: decrease of the RMSE in degrees, with its interval}; None without predictions.
 
-    ``before``, ``after`` (m, 3): Σ e² in rad² of m cells; ``counts`` (m, 3): numbers of
-    predictions; ``drawn`` (`DRAWS`, m): the cells of each bootstrap sample.
+    ``before``, ``after`` (m, 3): the two models' Σ e² in rad² over the prediction errors e in each
+    of m cells of time. ``counts`` (m, 3): numbers of predictions. ``drawn`` (`DRAWS`, m): indices
+    of the cells of each bootstrap sample.
     """
     out: dict[str, Interval | None] = {}
     for i, axis in enumerate(AXES):
@@ -150,21 +151,28 @@ def rmse_decreases(
 
 
 def removes_most(before: float, after: float, low: float) -> bool:
-    """Return True if most of a mean square error is removed, and the decrease is significant.
+    """Return True if an RMSE decreases significantly, and its square by more than half.
 
-    ``before``, ``after``: RMSE; most is removed if before² − after² > after². ``low``: lower end of
-    the interval of the decrease before − after, which is significant if ``low`` is above zero.
+    ``before``, ``after``: the RMSE. ``low``: lower end of the interval of before − after; the
+    decrease is significant if ``low`` is above zero.
     """
     return low > 0 and before**2 > 2 * after**2
 
 
 def gain_interval_positive(g: Gain) -> bool:
-    """Return True if held-out data are significantly more likely under the extended model."""
+    """Return True if the log-likelihood gain's interval lies above zero.
+
+    Held-out data are then significantly more likely under the extended model. Without a reliable
+    likelihood, the result is False.
+    """
     return g.log_likelihood is not None and g.log_likelihood.low > 0
 
 
 def rms_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the RMSE (°) of ``counts`` errors e with Σ e² = ``squares`` (rad²); NaN for none."""
+    """Return the RMSE in degrees; NaN where ``counts`` is zero.
+
+    ``squares``: sums of squared errors in rad²; ``counts``: number of errors in each sum.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.degrees(np.sqrt(squares / counts)))
 

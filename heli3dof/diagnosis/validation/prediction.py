@@ -79,9 +79,10 @@ def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelih
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return (4,): process noise of 3 axes in rad/s²/√Hz, sampling jitter in s.
+    """Return an array (4,): the model's process noise of 3 axes in rad/s²/√Hz, its jitter in s.
 
-    The process noise is `NOISE` on axes where the model has none.
+    The process noise is `NOISE` on axes where the model has none. The jitter is that of the
+    sampling interval.
     """
     return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
@@ -132,10 +133,10 @@ def model_errors(
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
-    """Return the data with other ``blocks`` (B, 3), each inside an old block.
+    """Return the data with ``blocks`` (B, 3) in place of its own blocks.
 
-    Columns: first row of the lead-in (only its voltages are used), first row of the run, row after
-    the run.
+    Each new block lies inside an old one. Columns: first row of the lead-in (only its voltages are
+    used), first row of the run, row after the run.
     """
     owner = np.searchsorted(data.blocks[:, 2], blocks[:, 1], side="right")
     return replace(
@@ -213,7 +214,9 @@ def best_phase(loglik: Callable[[float], float]) -> float:
 
 
 def best_instant(loglik: Callable[[float], float], first: float, last: float) -> float:
-    """Return the instant (s) that maximises ``loglik``, searched from before first to after last.
+    """Return the instant (s) at which ``loglik`` is largest.
+
+    The search covers the interval from ``first`` to ``last`` and a little beyond both ends.
 
     >>> round(best_instant(lambda t: -abs(t - 7.3), 0.0, 20.0), 1)
     7.3

@@ -2,9 +2,9 @@
 
 The noise floor is the error that the true model would have. It should be computed for the model
 with the effects found: a fit without these effects attributes them to noise. If the controller is
-known, the floor in white noise is the error on simulated flights of the model. Otherwise it is
-√(P + Δ²/12), with the filter's variance P predicted to the horizon and the encoder step Δ. The
-recordings' coloured noise adds to it.
+known, the floor due to white noise is the model's error on flights simulated with the model.
+Otherwise it is √(P + Δ²/12), with the filter's variance P predicted to the horizon and the encoder
+step Δ. The recordings' coloured noise adds to it.
 
 The worst interval of an axis is the window of `WORST_S` in which predictions over `HORIZON_S` have
 the largest mean square error.
@@ -202,7 +202,8 @@ def coloured_variance(
 ) -> np.ndarray:
     """Return the variance (H, 3) rad² that coloured noise adds to predictions at H horizons.
 
-    It is (ρ − 1) a² h³/3 for each horizon h and axis.
+    It is (ρ − 1) a² h³/3 for each horizon h and axis. a² h³/3 is the variance with white process
+    noise of the density a², ρ the ratio by which coloured noise increases it.
     """
     scores = [torque_scores(model, r) for r in recordings]
     h = np.array(horizons_s)
@@ -212,7 +213,10 @@ def coloured_variance(
 
 
 def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
-    """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks."""
+    """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks of time.
+
+    The mean of u over the blocks is subtracted.
+    """
     problem, noise = problem_of(model.structure, [recording]), noise_of(model)
     (rows,) = rows_of_recordings(problem.data)
     theta = with_own_values(problem, problem.scaled(model.values), noise, rows)
@@ -226,7 +230,10 @@ def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
 
 
 def _rho(series: Sequence[np.ndarray], horizon_s: float) -> float:
-    """Return ρ of one axis at one horizon; ``series``: its scores (m,) of each recording.
+    """Return ρ, the ratio of a prediction error's variance to that with white process noise.
+
+    It is that of one axis at one horizon. ``series``: for each recording, the axis's scores of a
+    constant acceleration (m,) in m blocks.
 
     >>> rng = np.random.default_rng(0)
     >>> white = rng.standard_normal(40_000)
