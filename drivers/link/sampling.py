@@ -28,7 +28,7 @@ time is `LONGEST_RETRY_S`"""
 
 
 class Sampling:
-    """Reads the samples of one open rig; while it is armed, invalid samples are rejected."""
+    """Reads the samples of one open rig; while the rig is armed, rejects invalid samples."""
 
     def __init__(self, client: RequestClient, validator: SampleValidator) -> None:
         self._client, self._validator = client, validator

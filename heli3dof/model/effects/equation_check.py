@@ -89,7 +89,7 @@ def equation_mistakes(effect: Effect) -> list[str]:
 def adds_nothing(effect: Effect, stage: Stage) -> bool:
     """Return True if the equation adds zero in all `states`, with `typical` parameters.
 
-    Of the effect's axes, only the first is tried.
+    The function tries only the first of the effect's axes.
     """
     axis = AXES.index(effect.axes[0]) if effect.axes else -1
     run = _equation(effect, stage, axis, typical(effect))
