@@ -112,7 +112,10 @@ def hidden_rig_of(options: RigOptions) -> HiddenRig | None:
 
 
 def serial_of(options: RigOptions) -> str:
-    """Return the emulated rig's serial number: that of its exercise, else ``mock-SEED``."""
+    """Return the emulated rig's serial number: the exercise file's, or ``mock-SEED`` without one.
+
+    An exercise is a rig with hidden effects, for students.
+    """
     if options.exercise is None:
         return f"mock-{options.seed}"
     from heli3dof.rig.sealed_rig import read_exercise

@@ -137,11 +137,12 @@ class Endpoint:
         return out
 
     def held_up(self, now_us: int) -> None:
-        """State that the device did nothing until ``now_us``; then call `tick` or `receive`.
+        """Declare that the device was suspended until ``now_us``.
 
-        They skip the samples that are late by a period or more, and send one instead, read at
-        ``now_us``. Call this after the device's own process was suspended. Do not call it if only
-        the host was late: a real device would have sent these samples on time.
+        The next call of `tick` or `receive` skips the samples that are late by a period or more. It
+        returns one sample in their place, taken at ``now_us``. Call this method if the process of
+        the device was suspended, but not if only the host was late: a real device would have sent
+        these samples on time.
         """
         self._resumed_us = now_us
 
@@ -152,8 +153,8 @@ class Endpoint:
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
         """Set zero volts at ``now_us``; return the samples up to then, as bytes.
 
-        For a stop without ESTOP frame: stop button, fault (``flag`` 2), motor stall (``flag`` 4),
-        USB control request. The next samples report ``cause`` and ``flag``.
+        Call this method for a stop without ESTOP frame: stop button, fault (``flag`` 2), motor
+        stall (``flag`` 4), USB control request. The next samples report ``cause`` and ``flag``.
         """
         out = self.tick(now_us)
         self._amplifier.stop(now_us, cause, flag)

@@ -10,9 +10,9 @@ So for any dt, w has the standard deviation σ (N·m) and the correlation time �
 
 σ was chosen by comparing a closed-loop run with noise (angles y) and the same run without noise
 (angles ŷ). The controller is the default one; the runs start level. An axis' fit is
-100 (1 − ‖y − ŷ‖/‖y − mean y‖) %. For three flight plans, the table shows its mean over the noise
-seeds 1–6, for roll / pitch / yaw. The last column is the range of the pitch fit over these seeds.
-The plans' random signals have seed 1:
+100 (1 − ‖y − ŷ‖/‖y − mean y‖) %. For three flight plans, the table shows the mean fit over the
+noise seeds 1–6, for roll / pitch / yaw. The last column is the range of the pitch fit over these
+seeds. The plans' random signals have seed 1:
 
 ==============  ======================  ===============
 plan            mean fit, %             pitch fit, %

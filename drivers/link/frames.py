@@ -343,7 +343,10 @@ class Splitter:
         """Pieces that were not a valid frame"""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that the received bytes ``data`` complete; store an incomplete rest."""
+        """Return the valid frames that end in the received bytes ``data``.
+
+        An incomplete frame at the end is stored for the next call.
+        """
         *whole, rest = (self._rest + data).split(b"\0")
         if len(rest) > LONGEST:  # too long for a frame: do not collect it
             rest = rest[: LONGEST + 1]

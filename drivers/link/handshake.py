@@ -57,9 +57,9 @@ def identify(client: RequestClient) -> IdentityFrame:
 
 
 def foreign_version(received: bytes) -> int | None:
-    """Return the first protocol version other than ours that a valid frame in ``received`` states.
+    """Return the version of the first valid frame in ``received`` whose version is not ours.
 
-    Returns None if there is no such frame.
+    Returns None if all valid frames have the protocol version that heli3dof uses.
     """
     for piece in received.split(b"\0"):
         data = decoded(piece)

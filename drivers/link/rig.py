@@ -83,9 +83,9 @@ class LinkRig:
         """Identify the device and compare it with the profile; nothing moves.
 
         ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
-        sample. ``watchdog_s``: timeout that replaces the device's own; a timeout below three
-        control periods is raised to them. ``signs="profile"``: the profile's signs of the encoder
-        counts apply, even if the device's differ. After an error the transport is closed.
+        sample. ``watchdog_s``: timeout that replaces the device's own. The timeout used is at least
+        three control periods. ``signs="profile"``: the profile's signs of the encoder counts apply,
+        even if the device's differ. After an error the transport is closed.
         """
         self._transport = transport
         self._client = RequestClient(transport)
@@ -123,7 +123,7 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the device holds its output at zero (last sample); None if it does not."""
+        """Return the last sample's reason why the output is held at zero; None if it is not."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:

@@ -40,7 +40,10 @@ REMEMBERED = 1024
 
 
 class SampleValidator:
-    """Checks the numbers of one connection's samples and echoes; converts frames to `Sample`."""
+    """Checks one connection's samples by their numbers and echoes; converts frames to `Sample`.
+
+    A sample's echo is the number of the last command that the device had applied.
+    """
 
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
@@ -72,7 +75,11 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Return a new command's frame number; samples that echo it get the number ``sequence``."""
+        """Return the frame number for a new command, whose number for the caller is ``sequence``.
+
+        A sample frame repeats the frame number of the last applied command. The `Sample` that
+        `accept` returns has the caller's number instead.
+        """
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number
@@ -80,8 +87,10 @@ class SampleValidator:
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
         """Return the sample in ``frame``, or None if its number or its echo is not valid.
 
-        The number must be newer than the last sample's. The echo must not be older than the last
-        one, and its command must have been sent. ``host_time_s``: time of arrival in s.
+        A sample's echo is the number of the last command that the device had applied. This command
+        must have been sent, and the echo must not be older than the last accepted sample's. The
+        sample's number must be newer than the last accepted sample's. ``host_time_s``: time of
+        arrival in s.
         """
         statistics = self._statistics
         ahead = (frame.echo - self._echo) & _MASK

@@ -1,10 +1,10 @@
 """Reads the samples of a rig on the link: from the stream, or one for each POLL.
 
 Of several samples that arrived together the newest is used. The others, and those that arrived
-before the host waited for a sample, are discarded as stale. A POLL without a reply is repeated
-after four times the last round-trip time. So two replies may arrive, the second perhaps in the next
-period. The second is discarded if its sample was taken before that period's command was applied.
-`_extra_replies` counts how many more replies may arrive.
+before the host waited for a sample, are discarded as stale. `Sampling` repeats a POLL without a
+reply, for an armed rig after about four times the last round-trip time. So two replies may arrive,
+the second perhaps in the next period. The second is discarded if its sample was taken before that
+period's command was applied. `_extra_replies` counts how many more replies may arrive.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ time is `LONGEST_RETRY_S`"""
 
 
 class Sampling:
-    """Reads the samples of one open rig; while it is armed, invalid samples are rejected."""
+    """Reads the samples of one open rig; while the rig is armed, rejects invalid samples."""
 
     def __init__(self, client: RequestClient, validator: SampleValidator) -> None:
         self._client, self._validator = client, validator
@@ -39,9 +39,9 @@ class Sampling:
         """Time of the last valid sample (s, monotonic); frames malformed and rejected until then"""
 
     def since_valid(self) -> tuple[float, int, int]:
-        """Return the time in s since the last valid sample, and the frames malformed and rejected.
+        """Return the time in s since the last valid sample, and two counts of frames since then.
 
-        The counts, too, are those since the last valid sample.
+        The counts are those of malformed and of rejected frames.
         """
         statistics, (then_s, malformed, rejected) = self._client.statistics, self._valid
         return (
@@ -104,9 +104,9 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the time in s until a POLL is repeated to 4·``round_trip_s``.
+        """Set the time after which `poll` repeats a POLL without a reply, for an armed rig.
 
-        It is at least `SHORTEST_RETRY_S` and at most `LONGEST_RETRY_S`.
+        The time is 4·``round_trip_s`` s, clipped to `SHORTEST_RETRY_S` … `LONGEST_RETRY_S`.
         """
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 

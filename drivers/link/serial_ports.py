@@ -72,7 +72,7 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """Return (pid, name) of each other process with the device file ``path`` open, from /proc."""
+    """Return (pid, name) of each other process that has ``path`` open, as /proc shows."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:

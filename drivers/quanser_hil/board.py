@@ -128,10 +128,10 @@ class Board:
         return self._sensed[0] * scale, self._sensed[1] * scale
 
     def watchdog_start(self) -> None:
-        """Set the outputs' states after a watchdog timeout (expiration states); start the watchdog.
+        """Set the outputs' expiration states (states after a watchdog timeout); start the watchdog.
 
-        Some boards, such as the Q8 series, require such a state for all outputs or for none. On
-        these it is set for all outputs.
+        Some boards, such as the Q8 series, require expiration states for all outputs or for none.
+        On these boards, this method sets the states of all outputs.
         """
         hil, timeout_s = self._hil, self._wiring.watchdog_s
         try:
@@ -210,7 +210,7 @@ class Board:
         return task
 
     def task_read(self, task: Any, n: int) -> tuple[int, int, int] | None:
-        """Wait for ``n`` samples; return the encoder counts of the last one (None: task ended)."""
+        """Wait for ``n`` samples; return the last one's encoder counts, None if the task ended."""
         buffer = self._counts if n == 1 else array("i", [0] * (3 * n))
         if self._hil.task_read_encoder(task, n, buffer) < n:
             return None

@@ -90,7 +90,7 @@ class QuanserRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return "WATCHDOG" in LATCHED, "HOST_ESTOP" in STOPPED; None in IDLE and ARMED."""
+        """Return "WATCHDOG" in state LATCHED, "HOST_ESTOP" in STOPPED, None in IDLE and ARMED."""
         return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
 
     def arm(self) -> Sample:
@@ -121,7 +121,7 @@ class QuanserRig:
             raise
 
     def read(self) -> Sample:
-        """Return the board's next sample; before the first arming, one taken now."""
+        """Return the board's next sample; before the first arming, a sample of this moment."""
         self._check_open()
         with explained(self._board.error, self._name, "being read"):
             if self._stream.running:

@@ -52,7 +52,7 @@ class OnBus:
         return Path(f"/dev/bus/usb/{self.device.bus or 0:03d}/{self.device.address or 0:03d}")
 
     def holder(self) -> str:
-        """Return as text the other processes with the rig open; "" if /proc shows none."""
+        """Return as text the other processes that have the rig open; "" if /proc shows none."""
         return ", ".join(f"{name} (process {pid})" for pid, name in holders(str(self.node)))
 
 

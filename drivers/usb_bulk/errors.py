@@ -106,7 +106,7 @@ def explain(
 
 @contextmanager
 def explained(name: str, doing: str, holder: Callable[[], str] = lambda: "") -> Iterator[None]:
-    """Context manager: replace a USB error by the DeviceError of `explain`; same arguments."""
+    """Context manager: replace a USB error by the DeviceError that `explain` returns for it."""
     import usb.core
 
     failures: tuple[Any, ...] = (usb.core.USBError, NotImplementedError)

@@ -184,7 +184,7 @@ class UsbTransport:
             self._received.put(explain(error, self._name, "sending a sample"))
 
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
-        """If ``error`` is a stall of ``pipe``, clear it; for any other error raise a DeviceError.
+        """If ``error`` is a stall of ``pipe``, clear the stall; else raise a DeviceError.
 
         ``stalled``: True if this transfer has stalled before; then a stall also raises a
         DeviceError. ``doing``: the operation that failed, as text.

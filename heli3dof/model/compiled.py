@@ -80,7 +80,7 @@ def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]
 
 @contextmanager
 def announced(sentence: str) -> Iterator[None]:
-    """Context manager: log ``sentence`` as a warning if the block takes over 1.5 s."""
+    """Context manager: log ``sentence`` as a warning if the ``with`` block takes over 1.5 s."""
     timer = threading.Timer(1.5, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()

@@ -25,8 +25,8 @@ FORMS = {"greybox": "GreyBoxModel", "linear": "LinearModel"}
 def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
     """Write the model's file atomically and return its path.
 
-    Raises OutputExists if the file exists and ``force`` is not set, UsageError (for
-    instance another format's ending, such as .mat) or NoSpace if it cannot be written.
+    Raises OutputExists if the file exists and ``force`` is not set, UsageError if the ending is not
+    ``.json``, and UsageError or NoSpace if the file cannot be written.
     """
     check_ending(Path(path), ".json")
     return write_file(Path(path), model_bytes(model), force=force)

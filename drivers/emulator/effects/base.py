@@ -32,8 +32,8 @@ class Effect:
     """Physics that ``hide=`` adds to the ideal rig, e.g. friction.
 
     ``kernels`` maps a `Stage`, a point of the simulation, to the compiled function that the plant
-    calls there. ``setup(setup, axis, values)`` is called once before the rig runs and returns
-    the changed `Setup`. Effects of the same stage act in ascending ``order``.
+    calls there. The function ``setup(setup, axis, values)`` returns the changed `Setup`; the
+    emulator calls it once before the rig runs. Effects of the same stage act in ascending ``order``.
     """
 
     name: str

@@ -74,7 +74,10 @@ class StepCheck:
 
 @dataclass(frozen=True)
 class LoopCheck:
-    """The result of `check_loop_of`: poles and, if they are stable, disk margin and steps."""
+    """The result of `check_loop_of`: the poles of a closed loop.
+
+    If the loop is stable, it also contains the disk margin and simulated reference steps.
+    """
 
     poles: FloatArray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
@@ -88,7 +91,10 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """Return the factor > 1 by which each motor's gain may rise or fall; None if unstable."""
+        """Return the factor > 1 by which each motor's gain may rise or fall without instability.
+
+        The result is None if the loop is unstable.
+        """
         if self.disk_margin is None:
             return None
         half = min(self.disk_margin / 2, 0.999)
@@ -96,7 +102,10 @@ class LoopCheck:
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """Return the phase lag (°) that each motor may add at any frequency; None if unstable."""
+        """Return the phase lag (°) that each motor may add at any frequency without instability.
+
+        The result is None if the loop is unstable.
+        """
         return None if self.disk_margin is None else degrees(2 * atan(self.disk_margin / 2))
 
     def unusual(self) -> Iterator[str]:
@@ -123,7 +132,10 @@ class LoopCheck:
 
 
 def check_loop_of(profile: Profile) -> LoopCheck:
-    """Return the `LoopCheck` of a profile: poles and, if they are stable, disk margin and steps."""
+    """Return the `LoopCheck` of a profile: the poles of its closed loop with the hover model.
+
+    If the loop is stable, the result also contains the disk margin and simulated reference steps.
+    """
     profile = profile.with_controller()
     spec = profile.controller
     assert spec is not None

@@ -152,11 +152,11 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """Return True if the effect is another form of the equations, so it is no defect.
+        """Return True if the effect selects a form of the equations of motion, so it is no defect.
 
-        Such effects replace equations by another form (`formal`), or restore what a simpler form
-        omits (`within`), as `geometry` does in the hover model. A diagnosis adds no BIC penalty for
-        their parameter, because its prior (`share`) is tight.
+        Such an effect is another form of the rigid body's equations (`formal`), or restores what a
+        simpler form omits (`within`), as `geometry` does in the hover model. A diagnosis adds no
+        BIC penalty for its parameter, because the parameter's prior (`share`) is tight.
         """
         return self.formal or bool(self.within)
 
@@ -164,9 +164,9 @@ class Effect:
     def screened(self) -> bool:
         """Return True if a score test on innovations of a model without the effect can detect it.
 
-        The result is False for effects with ``starts``, whose likelihood must be evaluated at those
-        values. It is also False for effects without equations: jitter and lost samples, which time
-        stamps show.
+        The result is False for effects with ``starts``: at the parameter value without the effect,
+        the slope (score) of their likelihood is zero. It is also False for effects without
+        equations: jitter and lost samples, which time stamps show.
         """
         return bool(self.hooks) and not self.starts
 

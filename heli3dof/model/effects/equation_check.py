@@ -77,8 +77,9 @@ def equation_mistakes(effect: Effect) -> list[str]:
 
     An equation must raise no exception, not change its arguments other than ``mem`` and ``out``,
     and return finite numbers. It may change only the axis on which it acts, and must add to a
-    torque instead of replacing it. With each parameter at its ``null``, it must add no torque. This
-    last rule is not checked if the effect has a parameter with ``log``.
+    torque instead of replacing it. With each parameter at its ``null``, the value without the
+    effect, it must add no torque. This last rule is checked only for effects with parameters, none
+    of them estimated as a logarithm (``log``).
     """
     axes = [AXES.index(axis) for axis in effect.axes] or [-1]
     found = (m for stage in effect.hooks for axis in axes for m in _mistakes(effect, stage, axis))
@@ -88,7 +89,7 @@ def equation_mistakes(effect: Effect) -> list[str]:
 def adds_nothing(effect: Effect, stage: Stage) -> bool:
     """Return True if the equation adds zero in all `states`, with `typical` parameters.
 
-    Of the effect's axes, only the first is tried.
+    The function tries only the first of the effect's axes.
     """
     axis = AXES.index(effect.axes[0]) if effect.axes else -1
     run = _equation(effect, stage, axis, typical(effect))
@@ -96,7 +97,11 @@ def adds_nothing(effect: Effect, stage: Stage) -> bool:
 
 
 def typical(effect: Effect) -> list[float]:
-    """Return the effect's parameters: ``null`` + ``typical`` each, or ``typical`` if ``log``."""
+    """Return parameter values at which the effect is noticeable: ``null`` + ``typical`` each.
+
+    ``null`` is the value without the effect, ``typical`` a noticeable deviation from it. The value
+    of a parameter with ``log`` is ``typical`` alone.
+    """
     return [p.typical if p.log else p.null + p.typical for p in effect.parameters]
 
 
@@ -138,8 +143,9 @@ def _mistakes(effect: Effect, stage: Stage, axis: int) -> Iterator[str]:
 def _equation(
     effect: Effect, stage: Stage, axis: int, values: list[float]
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return ``change(s, begun)``: by how much an equation changes ``out``, which was ``begun``.
+    """Return a function ``change(s, begun)`` that evaluates an equation in the state ``s``.
 
+    It returns the array ``out`` after the equation minus ``begun``, the contents of ``out`` before.
     ``values``: the effect's parameters. The equation keeps its memory from call to call.
     """
     par, memory = np.zeros(PARAMETERS), _Pointer(np.zeros(MEMORY))

@@ -45,14 +45,14 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """Return the log with a row per control period, and its N rows' indices (N,) in the result.
+    """Return the log with a row per control period, and the indices (N,) of the N logged rows.
 
     If the log is not decimated, rows are added only in gaps of `HOLE_S` or more, in which the
     loop ran but was not logged. In shorter gaps the rig held its voltage.
 
-    In added rows, the times and the voltages added to the controller's (``voltage_extra``) are
-    interpolated. All other values are those of the row before. The caller can replace the angles
-    and voltages, which are unknown there, by a simulation.
+    In an added row, the time and the excitation (``voltage_extra``) are interpolated. All other
+    values are those of the row before. The caller can replace the angles and voltages, which are
+    unknown in added rows, by a simulation.
     """
     own = np.arange(len(recording))
     step = np.diff(recording.t)

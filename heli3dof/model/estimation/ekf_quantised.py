@@ -314,8 +314,8 @@ def filter_quantised(
     ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s);
     ``encoder_noise`` (3,) rad² is the variance of the angles at which readings change, or of the
     readings' noise if they are not quantised. ``keep`` selects what the result holds: 0 the
-    likelihood only; 1 also each update's quantities, as `follow` needs them; 2 also the states X;
-    3 also, in X, the log-likelihood up to each row.
+    log-likelihood only; 1 also the quantities of each measurement update; 2 also the states X; 3
+    also the log-likelihood up to each row, as further columns of X.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)

@@ -75,7 +75,10 @@ class Data:
 
     @property
     def recorded_t(self) -> np.ndarray:
-        """Return the time (N,) s of each row since its recording's first sample, not shifted."""
+        """Return the time (N,) s of each row since its recording's first sample.
+
+        The shifts of `with_shifted_time` are removed.
+        """
         return (
             with_shifted_time(self, [-x for x in self.time_shifts]).t
             if self.time_shifts

@@ -39,7 +39,7 @@ def _fly(  # type: ignore[no-untyped-def]
     * ``opened``, ``bounds``, ``z``: the result of `opening`
     * ``grid``, ``grid0`` (3,) rad: encoder steps (0: not quantised), and a reading on the grid
     * ``kick`` (N, 3) or (0, 3) rad/s: random changes of the rates
-    * ``late``: 1 if the voltage acts one period later, else 0
+    * ``late``: 1 if each voltage acts one control period late, else 0
 
     Other arguments: see `heli3dof.model.physics.integrator`.
     """

@@ -86,9 +86,9 @@ class GreyBoxModel:
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the poles (rad/s, rightmost first) of the closed loop, sampled every ``dt`` s.
+        """Return the closed-loop poles (rad/s, rightmost first) of the model linearised at hover.
 
-        A pole z of the sampled loop is returned as s = log(z)/dt.
+        The loop is sampled every ``dt`` s; a pole z of this loop is returned as s = log(z)/dt.
         """
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 

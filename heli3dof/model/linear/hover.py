@@ -58,8 +58,8 @@ def quiescent_voltage(profile: Profile) -> float:
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
     """Return the paper's hover model, matrices (10)–(13), for a rig.
 
-    ``printed``: with the paper's errata, and hover voltage V_o from its eq (6). Otherwise the
-    errata are corrected, and V_o is the profile's. See the head of this file.
+    With ``printed``, the matrices have the paper's errata, and the hover voltage V_o is from its
+    eq (6). Otherwise the errata are corrected, and V_o is the profile's.
     """
     if printed:
         return _as_printed(profile)
@@ -94,9 +94,10 @@ def _as_printed(profile: Profile) -> Hover:
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
     """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
-    ``printed``: with the paper's errata. The states are roll, pitch, yaw (rad) and their rates
-    (rad/s). The trim is u0 = hover voltage V_o of each motor, y0 = 0. The Kalman gain K is zero and
-    the noise covariance S is NaN, because the paper gives no noise.
+    With ``printed`` the model has the paper's errata, else they are corrected. The states are roll,
+    pitch, yaw (rad) and their rates (rad/s). The trim u0 is the hover voltage V_o of each motor;
+    y0 is zero. The Kalman gain K is zero and the noise covariance S is NaN, because the paper gives
+    no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh
 

@@ -1,9 +1,9 @@
 """Initial states of a linear model: the state at rest, and the covariance of an uncertain state.
 
 The states of a black-box model have no physical meaning, but the outputs that follow from them have
-one. The state at rest keeps the outputs at rest during `WINDOW`, with the constant voltage that
-fits best. The covariance is chosen so that the outputs, without input, have a given variance during
-`WINDOW`.
+one. The state at rest keeps the outputs at rest for `WINDOW` seconds, with the constant voltage
+that fits best. The covariance is chosen so that the outputs, without input, have a given variance
+during these seconds.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class Hooks:
         return np.array([*map(address, self.functions), 0], dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields for pickle, without the addresses, which differ between processes."""
+        """Return the fields for pickle, without machine addresses: each process has others."""
         return {k: v for k, v in self.__dict__.items() if k != "address"}
 
 
@@ -123,7 +123,7 @@ class Structure:
         return np.array([f.start for f in self.free])
 
     def scaled(self, values: Iterable[float]) -> np.ndarray:
-        """Return the scaled parameters θ (n,) of ``values`` (n,), which are in their units."""
+        """Return the scaled parameters θ (n,) for ``values`` (n,) in the parameters' units."""
         return np.array([f.scaled(v) for f, v in zip(self.free, values, strict=True)])
 
     def unscaled(self, theta: Iterable[float]) -> np.ndarray:
@@ -175,9 +175,9 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """Return the initial memory of the effects: zeros (H + 1, MEMORY), a row per function.
+        """Return the initial memory of the effects: zeros (H + 1, MEMORY).
 
-        The last row is unused.
+        Row i belongs to function i of the effects' H compiled functions; the last row is unused.
         """
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
