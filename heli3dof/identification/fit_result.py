@@ -57,7 +57,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (rad/s), and the standard deviations of its parts (NaN: unknown)."""
+    """A continuous-time pole (rad/s), and the standard deviations of its two parts.
+
+    The parts are real and imaginary; NaN: unknown.
+    """
 
     value: complex
     std_real: float
