@@ -127,7 +127,7 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if there are `LEAST_FLIGHTS` + number of flight plans − 1 flights or more."""
+        """Return True if ``flights`` are at least `LEAST_FLIGHTS` + number of flight plans − 1."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:

@@ -30,9 +30,9 @@ THRUST_GAIN = "thrust_gain_ratio"
 
 @dataclass(frozen=True, eq=False)
 class ChangeGroup:
-    """A change; if of the thrust gain, with the quantities estimated relative to this gain.
+    """A change; ``moved`` names the quantities whose estimates changed because of it.
 
-    The estimates ``moved`` changed at the same flight by the inverse factor.
+    Only a change of the thrust gain moves the estimates of other quantities.
     """
 
     track: Track

@@ -57,9 +57,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (rad/s), and the standard deviations of its two parts.
+    """A continuous-time pole (rad/s), with standard deviations of its real and imaginary part.
 
-    The parts are real and imaginary; NaN: unknown.
+    An unknown standard deviation is NaN.
     """
 
     value: complex

@@ -146,7 +146,7 @@ class Instants:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return K instants (s), and the information v (K,) of a unit torque that starts at each."""
+        """Return K instants (s), and the information v (K,) of a unit torque started at each."""
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), SCAN_KNOTS + 4)[1:-1]
         v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)

@@ -90,8 +90,7 @@ def simulation_errors(
     """Return each run's simulation errors (rad) and voltages minus the model's trim (V).
 
     ``runs`` are row ranges of the recordings in ``prepared``. The function decimates these rows to
-    the interval ``interval_s`` (s). Each run is simulated from the initial state that fits
-    it best.
+    the interval ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
     """
     d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)

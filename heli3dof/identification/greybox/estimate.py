@@ -166,9 +166,9 @@ def _start_at_instants(
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Return start values of a fit: scaled parameters (n,) and noise (4,).
 
-    Some effects begin at an unknown instant, such as an added mass. First the model without them is
-    fitted. Their start values are those at the instant with the largest score. If the model has no
-    such effect, the function returns (None, ``noise``).
+    Some effects begin at an unknown instant, such as an added mass. The function first
+    fits the model without these effects. Each effect then starts at the instant at which its score
+    is largest. If the model has no such effect, the function returns (None, ``noise``).
     """
     from heli3dof.identification.bias_correction.scans import likeliest_instant
 

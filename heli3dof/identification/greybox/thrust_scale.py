@@ -67,11 +67,11 @@ class ThrustScale:
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return True if the thrust gain significantly deviates by more than ``tolerance``.
+        """Return True if the thrust gain deviates from the profile's by more than ``tolerance``.
 
-        k is the ratio of the thrust gain to the profile's; the limits of ln k are
-        ln(1 ± ``tolerance``). The deviation is significant if ln k is outside these limits by more
-        than `SCALE_QUANTILE` standard deviations of ln k.
+        The deviation must be significant. Let k be the ratio of the thrust gain to the profile's.
+        ln k must be outside the limits ln(1 ± ``tolerance``), by more than `SCALE_QUANTILE`
+        standard deviations of ln k.
         """
         ln_k = float(np.log(self.k))
         return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
