@@ -95,7 +95,7 @@ def compare_flight(
     in_flight = rows_in_flight(flown)
 
     def scored(horizon_s: float) -> np.ndarray:
-        """Return (N,) bool: the rows whose predictions pass only through rows in flight."""
+        """Return (N,) bool: rows in flight, as are all rows in the ``horizon_s`` s before them."""
         return rows_within(in_flight, max(1, round(horizon_s / flown.dt)))
 
     fits = tuple(h for h in horizons_s if scored(h).any())

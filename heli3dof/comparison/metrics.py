@@ -162,9 +162,9 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    If the reported segment is a ``hold`` or ``moving`` one (see the module), it begins at the time
-    ``since_s`` (s). ``resolution`` (rad), the angle of one encoder count, is the least half-width
-    of the settling band.
+    The module defines the segments of a reference. If the reported segment is of the kind ``hold``
+    or ``moving``, its metrics use only the rows from the time ``since_s`` (s) on. ``resolution``
+    (rad), the angle of one encoder count, is the least half-width of the settling band.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
     segments = _segments(t, y, ref)

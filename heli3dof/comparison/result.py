@@ -34,7 +34,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """Prediction RMSE (3,) in degrees: at each horizon (s), and over all up to ``window_s`` (s)."""
+    """Prediction RMSE (3,) in degrees at each horizon, and over all horizons to ``window_s`` s."""
 
     ahead_deg: Mapping[float, FloatArray]
     over_window_deg: FloatArray

@@ -147,7 +147,7 @@ def change_posterior(
     """Return the posterior of all possible changes in n flights of P plans; n − P must be ≥ 3.
 
     ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): increasing times, in any
-    unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of
+    unit; ``plans`` (n,): each flight's flight plan, by default one for all; ``scale``: prior of
     a flight's variance φ², from the sibling rigs.
     """
     from scipy.special import gammaln, logsumexp
@@ -234,12 +234,13 @@ def _two_steps(
     places: Places, w: FloatArray, mean: FloatArray, x: FloatArray, s_xy: FloatArray,
     s_xx: FloatArray, square: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx), each (g, a, pair), of all pairs of steps.
+    """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx) for all pairs of steps.
 
-    The module explains the symbols. The arguments describe single steps: ``w`` (a, n) are the
-    weights wᵢ, ``x`` (k, n) the regressor of a step before flight k. ``mean`` (a, plan, k) is the
-    regressor's weighted mean over each plan, times √Σwᵢ. ``s_xy`` and ``s_xx`` (a, k) are its sums
-    Sxy and Sxx, ``square`` (g, 1, 1) is g².
+    The module explains the symbols. Both arrays have the axes (g, a, pair): the grids of g and a,
+    and the pairs of steps. The arguments describe single steps: ``w`` (a, n) are the weights wᵢ,
+    ``x`` (k, n) the regressor of a step before flight k. ``mean`` (a, plan, k) is the regressor's
+    weighted mean over the flights of each plan, times √Σwᵢ. ``s_xy`` and ``s_xx`` (a, k) are the
+    regressor's sums Sxy and Sxx, ``square`` (g, 1, 1) is g².
     """
     pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T

@@ -7,12 +7,12 @@ Hampel filter first proposes candidates, and each is tested without the other ca
 end, the date, size and probability of each step are computed from the flights between its two
 neighbouring steps.
 
-A change is reported if its posterior probability is at least p = `REPORTED`. A rig is expected to
-change 0.15 times per semester (`CHANGES_PER_RIG_SEMESTER`). Divided by the number of quantities,
-this is the prior probability π of a change in one quantity. If the posterior is calibrated, at most
-(1 − p)/p reports are false for each true one. A quantity that did not change then gets a false
-report with a probability of at most π·(1 − p)/p. For all quantities of a rig together, this is
-0.15 · 0.05/0.95 = 0.8 % per semester.
+A change is reported if its posterior probability is at least p = `REPORTED` = 0.95. A rig is
+expected to change 0.15 times per semester (`CHANGES_PER_RIG_SEMESTER`). Divided by the number of
+quantities, this is the prior probability π of a change in one quantity. If the posterior is
+calibrated, at most (1 − p)/p reports are false for each true one. A quantity that did not change
+then gets a false report with a probability of at most π·(1 − p)/p. For all quantities of a rig
+together, this is 0.15 · 0.05/0.95 = 0.8 % per semester.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def find_changes(
 
     ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. If ``s`` is None, the
     values need not be normally distributed, so the search uses their normal scores. ``plans`` (n,):
-    the plan of each flight, by default one for all. ``scale``: prior of a flight's variance φ²,
+    each flight's flight plan, by default one for all. ``scale``: prior of a flight's variance φ²,
     from the sibling rigs.
     """
     series = _Series(t, y, s, prior, np.zeros(len(y), int) if plans is None else plans, scale)
@@ -127,13 +127,14 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if there are enough ``flights``: `LEAST_FLIGHTS` + number of plans − 1."""
+        """Return True if ``flights`` are at least `LEAST_FLIGHTS` + number of flight plans − 1."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
-        """Return the posterior of changes in ``flights``, indices of a part of the series.
+        """Return the posterior probabilities of changes within a part of the series.
 
-        The prior probabilities are multiplied by the share of these flights in the series.
+        ``flights`` are the indices of this part. The prior probabilities of changes are multiplied
+        by the share of these flights in the series.
         """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = self.prior.scaled(len(flights) / len(self.y))

@@ -87,7 +87,7 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return recording, shrunken value and standard deviation of each flight of the estimate.
+    """Return recording, shrunken value and standard deviation of each flight in ``r.estimate``.
 
     The list is empty if the standard deviations are unknown, or if there is only one flight.
     """

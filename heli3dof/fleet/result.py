@@ -30,7 +30,10 @@ THRUST_GAIN = "thrust_gain_ratio"
 
 @dataclass(frozen=True, eq=False)
 class ChangeGroup:
-    """A change, and the quantities that changed with it because they are relative to it."""
+    """A change; ``moved`` names the quantities whose estimates changed because of it.
+
+    Only a change of the thrust gain moves the estimates of other quantities.
+    """
 
     track: Track
     change: Change
@@ -163,7 +166,7 @@ class Fleet(Result):
 
 
 def _gain_of(track: Track, change: Change, gains: list[tuple[Track, Change]]) -> Change | None:
-    """Return the change in ``gains``, of the thrust gain, that explains ``change``; else None."""
+    """Return the change of the thrust gain in ``gains`` that explains ``change``, or None."""
     x, std = _log_factor(track, change)
     for other, gain in gains:
         y, its_std = _log_factor(other, gain)

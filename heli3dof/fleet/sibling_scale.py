@@ -59,7 +59,7 @@ def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
 
 
 def _differences(track: Track) -> np.ndarray:
-    """Return the differences between the values of two flights in a row with the same plan."""
+    """Return the differences between successive flights that have the same flight plan."""
     return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
 
 

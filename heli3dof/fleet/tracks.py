@@ -91,9 +91,9 @@ def usable_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def main_plan(rows: Sequence[Row]) -> str:
-    """Return the most frequent plan of the usable rows.
+    """Return the name of the flight plan that most usable rows have.
 
-    Rows without a plan count as one plan, with an empty name.
+    Rows without a flight plan count as one plan, with an empty name.
     """
     plans = Counter(map(_plan, sorted(usable_rows(rows), key=_plan)))
     return plans.most_common(1)[0][0] if plans else ""

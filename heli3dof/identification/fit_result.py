@@ -57,7 +57,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (rad/s), and the standard deviations of its parts (NaN: unknown)."""
+    """A continuous-time pole (rad/s), with standard deviations of its real and imaginary part.
+
+    An unknown standard deviation is NaN.
+    """
 
     value: complex
     std_real: float

@@ -124,7 +124,10 @@ def methods() -> Mapping[str, Method]:
 
 
 def known_method(name: str) -> Method:
-    """Return the method ``name``. Raises UsageError with a similar name if it is unknown."""
+    """Return the method ``name``.
+
+    Raises UsageError for an unknown name; the error suggests a similar known one.
+    """
     if name in methods():
         return methods()[name]
     raise UsageError(

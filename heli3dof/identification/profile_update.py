@@ -211,8 +211,8 @@ def ratios(
     """Return the hover voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
     Flights do not identify the thrust gain K_f, so the trim torque T_g and the inertias J contain
-    its error. In V_o, the voltage of level hover, and in K_f/J it cancels. Arguments, and when V_o
-    is left out: `profile_keys`. The result is empty if ``base`` is.
+    its error. In V_o, the voltage of level hover, and in K_f/J it cancels. The arguments are those
+    of `profile_keys`. V_o is left out if ``hover`` is None. The result is empty if ``base`` is.
     """
     if not base:
         return {}
@@ -228,12 +228,15 @@ def ratios(
 
 
 def ratio_unit(name: str) -> str:
-    """Return the unit of one of the `ratios`."""
+    """Return the unit of ``name``, one of the keys of what `ratios` returns."""
     return "V" if name == "V_o" else "N/(V·kg·m²)"
 
 
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative std of m/K_f. As m contains the error of K_f, this error cancels."""
+    """Return the relative std of m/K_f, for a torque or inertia m in SI.
+
+    m is proportional to the estimated K_f, so the error of K_f cancels in m/K_f.
+    """
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 

@@ -5,8 +5,8 @@ A simplification H of the fitted transfer function G is accepted if at all frequ
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
 that is, if the recordings do not distinguish H from G. The limit is at least `ROUNDING`·M, and it
-is `ROUNDING`·M if σ is unknown. M(ω) is the larger modulus of the two motors' responses to this
-angle. There are five simplifications:
+is `ROUNDING`·M if σ is unknown. M(ω) is the larger modulus of this angle's two responses, to the
+front and to the back motor. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
@@ -219,11 +219,11 @@ class _Channel:
 
 
 def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
-    """Return H with the standard deviations of its denominator's factors from those of ``poles``.
+    """Return H; the standard deviations of its denominator are computed from those of ``poles``.
 
-    These are smaller than those from H alone, because the poles are common to all transfer
-    functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β is taken as
-    zero.
+    Computed from H alone, they would be larger, because all six transfer functions together
+    determine the common poles. A pole pair α ± jβ has the factor s² + b s + c with b = −2α and
+    c = α² + β². The covariance of α and β is neglected.
     """
     if not poles:
         return H

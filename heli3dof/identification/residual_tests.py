@@ -110,9 +110,10 @@ def past_inputs(
 
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """Return tr(S_e⁻¹ S_p) of a regression of e (N, l) on z (N, q), with S_e, S_p as in the module.
+    """Return tr(S_e⁻¹ S_p) of a regression of e (N, l) on z (N, q).
 
-    The value is 0 if the regression explains nothing of e, and l if it explains all.
+    S_e is the covariance of e, S_p that of the regression's prediction of e. The value is 0 if
+    the regression explains nothing of e, and l if it explains all.
     """
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e

@@ -33,7 +33,7 @@ SUMMARY_HORIZON_S = 1.0
 
 
 def no_linear_form(method: str, what: str) -> UsageError:
-    """Return a UsageError: models by ``method`` have no ``what``, such as transfer functions."""
+    """Return a UsageError that states that a model by ``method`` has no ``what``."""
     return UsageError(
         f"A model by {method} has no {what}.",
         cause="its method returns no linear model.",

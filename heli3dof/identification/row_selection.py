@@ -4,7 +4,7 @@ A linear model about hover does not describe the rig on its table, at a stop, in
 free fall. Such rows are left out, each counted under a reason:
 
 ``unread``        a NaN in a voltage or an angle
-``table``         on the table or within 1° of it for 0.1 s or more
+``table``         roll at most 1° above its angle on the table, for 0.1 s or more
 ``take_off``      from lift-off until all three hold: roll is above half-way to level, the voltages
                   have been off their limit for 0.25 s, and 3 s have passed
 ``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), at
@@ -160,7 +160,7 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 
 
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Return (N,) bool: rows of ``angle`` (N,) rad at a mechanical stop; ``dt`` (s): interval."""
+    """Return (N,) bool: rows of ``angle`` (N,) rad at a mechanical stop, sampled every ``dt`` s."""
     out = np.zeros(len(angle), dtype=bool)
     moves = np.abs(np.diff(angle))
     edges = np.concatenate([[0], np.flatnonzero(moves != 0) + 1, [len(angle)]])

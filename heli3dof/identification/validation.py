@@ -67,10 +67,10 @@ class Metrics:
         return "the loop with this model diverges"
 
     def to_json(self) -> dict[str, Any]:
-        """Return ``fit_percent`` and ``rmse_deg`` by axis, and why there is no replay, if so.
+        """Return ``fit_percent`` and ``rmse_deg`` by axis, and the `replay_note`.
 
-        Each axis has the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable
-        scores are NaN.
+        The note is the reason why there is no replay, or that it diverges; else "". Each axis has
+        the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable scores are NaN.
         """
         named = {("one_step" if h == 0 else f"{h:g}_s"): s for h, s in self.prediction.items()}
         fit = {

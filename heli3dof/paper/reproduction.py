@@ -2,8 +2,9 @@
 
 The paper simulates a 10° roll step of the hover model from level, with the gain K_g of eq (14). No
 voltage limit is reached. The roll peak is 11.75° with this package's sampled controller, and 11.85°
-in continuous time with ideal rates. The paper prints 12°. The experiment's numbers need its
-unpublished recording, the identified model's the misprinted eq (17) (`heli3dof.paper.published`).
+in continuous time with ideal rates. The paper prints 12°. The numbers of the experiment need its
+unpublished recording. Those of the identified model need eq (17), which is misprinted
+(`heli3dof.paper.published`).
 """
 
 from __future__ import annotations

@@ -50,8 +50,8 @@ class ScoreBias:
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
         """Return the term to subtract from the log-likelihood at ``theta`` (n,), ``noise`` (4,).
 
-        The term is linear: the mean derivatives in simulated flights, times the differences of the
-        parameters and the log noise from the values of these flights.
+        The term is linear in the parameters and the log noise: their differences from the values of
+        the simulated flights, times the log-likelihood's mean derivatives in these flights.
         """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)

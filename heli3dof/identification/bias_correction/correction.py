@@ -286,10 +286,11 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if the derivatives must be computed again for ``theta`` and ``noise``.
+        """Return True if the mean derivatives must be computed again for ``theta``, ``noise``.
 
-        They are valid near the values of the simulated flights: `REUSED_WITHIN` limits the
-        differences in ln a and, in standard deviations, in ``theta``.
+        The derivatives are valid near the parameters and noise of the simulated flights.
+        `REUSED_WITHIN` limits two differences from these: that of the noise's logarithms, and that
+        of the parameters, in standard deviations.
         """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
@@ -324,7 +325,7 @@ class AndersonAcceleration:
         self.f: list[np.ndarray] = []
 
     def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return the step from ``y`` by Anderson acceleration; ``f`` is f(y), the plain step."""
+        """Return the accelerated step Δy from ``y``; ``f`` is the plain step f(y)."""
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]

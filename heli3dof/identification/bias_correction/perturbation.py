@@ -18,8 +18,8 @@ Kalman gain, is held fixed.
   Σ_e q_e δc_e by the change δa_b in each chunk b. So one pass suffices for all changes:
   Σ_e q_e δc_e = Σ_b L_b · δa_b
 - `misreading`: computes the change δm (rad) of the encoder reading at an unchanged angle. With δm,
-  `forward` computes δc = σ δx_c + δm at the angle's events; each block's first angle is changed by
-  −δm/σ
+  `forward` computes δc = σ δx_c + δm at the angle's events. It starts each uninterrupted run of
+  rows with the change −δm/σ of the angle
 """
 
 from __future__ import annotations
@@ -149,9 +149,10 @@ def forward(
 ) -> np.ndarray:
     """Return δc (J, E): how J changes of the model change the filter's E predicted readings.
 
-    ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks. ``m`` (J, E) and ``m0``
-    (J, B, 3): changes of the readings (rad) at unchanged angles, at the events and at the starts of
-    the data's B blocks, as `misreading` returns them. None: no such changes.
+    ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks of time. ``m`` (J, E) and
+    ``m0`` (J, B, 3): changes of the encoder readings (rad) at unchanged angles, as `misreading`
+    returns them. ``m`` are those at the filter's updates, ``m0`` those at the starts of the data's
+    B blocks (runs without gaps). None: the readings do not change.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -163,14 +164,14 @@ def forward(
 
 
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
+    """Return the derivatives of the weighted sums Σ_e q_e δc_e over the filter's E readings.
 
-    ``q`` (M, E): M sets of weights q_e of the E readings. The three results are derivatives by
-    changes of
+    δc_e is the change of the prediction of reading e. ``q`` (M, E) are M sets of weights q_e. The
+    three results are the derivatives with respect to changes of
 
-    - the accelerations in C chunks, (M, C, 3)
-    - the readings at unchanged angles, (M, E)
-    - the initial states of the data's B blocks, (M, B, 6)
+    - the model's accelerations in C chunks of time, (M, C, 3)
+    - the encoder readings at unchanged angles, (M, E)
+    - the filter's states at the starts of the data's B blocks (runs without gaps), (M, B, 6)
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

@@ -1,9 +1,9 @@
 """The compiled loops of `bias_correction.perturbation`, which explains the equations and symbols.
 
-A, X and ``chunk`` are as in `Path`; h (N,) s are the steps between rows. The E events have the rows
-``row`` (E,), the information W (E,) and the filter's covariances K (E, 6) of state and reading.
-``state`` (E,) states what the filter reads at an event: 0–2 an angle, 3–5 a rate, 6–8 a negative
-rate.
+A, X and ``chunk`` are as in `Path`; h (N,) s are the steps between rows. An event is an update of
+the filter with one reading. For E events, ``row`` (E,) are the row numbers, W (E,) the information
+of the readings, and K (E, 6) the covariances of state and reading. ``state`` (E,) is the index of
+the quantity read: 0–2 an angle, 3–5 a rate, 6–8 a rate with opposite sign.
 """
 
 from __future__ import annotations

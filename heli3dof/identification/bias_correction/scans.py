@@ -1,9 +1,10 @@
-"""Score test of a torque at every frequency (one Fourier transform) or instant (one running sum).
+"""Test for a torque at every frequency, or from any instant on, by its score.
 
-Time is divided into C short chunks. L (C, 3) is the derivative of the log-likelihood with respect
-to the acceleration of each axis in each chunk. The base parameters are projected out (see
-`diagnosis.search.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s².
-λ(t) = L·e, a sum over the axes, is the efficient score of a unit torque at time t.
+One Fourier transform or one running sum gives all scores. Time is divided into C short chunks.
+L (C, 3) is the derivative of the log-likelihood with respect to the acceleration of each axis in
+each chunk, without the part that the base parameters explain (`diagnosis.search.score_test`).
+e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a sum over the axes, is the
+efficient score of a unit torque at time t.
 
     u(f) = Σ λ(t) exp(i 2π f t)      score; real part: cosine torque, imaginary part: sine torque
     u(t_0) = Σ_{t ≥ t_0} λ(t)        score of a torque that starts at t_0
@@ -71,9 +72,11 @@ class Frequencies:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return frequencies (K,) in Hz, and the information v (K,) of a unit torque at each.
+        """Return frequencies (K,) in Hz, and the information v (K,) of a torque at each of them.
 
-        ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): the fit's information.
+        The torque is a cosine or sine of amplitude 1; v is the mean over these two. ``unit``
+        (C, 3): the acceleration (rad/s²) by a constant unit torque. ``A`` (n, n): the information
+        of the fit's parameters.
         """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
@@ -89,7 +92,7 @@ class Frequencies:
         """Return the largest score over all frequencies, with its torque (see `Peak`).
 
         ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
-        chunks of time. ``unit`` (C, 3): acceleration in rad/s² by one unit of the first parameter.
+        chunks of time. ``unit`` (C, 3): acceleration in rad/s² by a constant unit torque.
         """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source
@@ -143,7 +146,7 @@ class Instants:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return instants (K,) in s, and the information v (K,) of a unit torque from then on."""
+        """Return K instants (s), and the information v (K,) of a unit torque started at each."""
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), SCAN_KNOTS + 4)[1:-1]
         v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)

@@ -1,7 +1,7 @@
 """Prediction-error identification in innovation form, with exact sensitivities.
 
-The criterion V is the negative Gaussian log-likelihood per row of the N innovations e, minimised
-over their covariance S, without its constant:
+The criterion V is the negative Gaussian log-likelihood of N innovations e, divided by N, without
+constant terms. At the S (covariance of e) that minimises it:
 
     V(θ) = ½ log det S(θ),      S = (1/N) Σ e[k] e[k]ᵀ
 

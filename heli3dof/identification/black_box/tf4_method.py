@@ -89,9 +89,8 @@ def simulation_errors(
 ) -> Innovations:
     """Return each run's simulation errors (rad) and voltages minus the model's trim (V).
 
-    This function decimates the recordings in ``prepared`` to ``interval_s`` (s). ``runs`` are
-    ranges of their usable rows before that. Each run is simulated from the initial state that fits
-    it best.
+    ``runs`` are row ranges of the recordings in ``prepared``. The function decimates these rows to
+    the interval ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
     """
     d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)

@@ -133,8 +133,9 @@ def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
 
     Such an inertia differs from the nominal one by a factor of more than `MAX_INERTIA_RATIO`. On an
     axis that hardly moves, it may hide a missing effect from the score test. If the ratios of all
-    three inertias to nominal are equal within the profile's tolerance, none is implausible: the
-    thrust gain or the time is wrong, and the profile's numbers are no reference.
+    three inertias to nominal are equal within the profile's tolerance, none is implausible. Then
+    the thrust gain or the time scale of the recording is wrong, so the nominal inertias are no
+    reference.
     """
     log_ratio, axes = fit.theta[1:4] - fit.problem.prior_mean[1:4], fit.problem.data.axes
     apart = np.abs(log_ratio - np.median(log_ratio)).max()
@@ -170,10 +171,10 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
 
 
 def start_scales(plain: Estimate) -> list[float]:
-    """Return the ratios of the inertias to nominal from which fits on a limit cycle start.
+    """Return the start values of inertia/nominal inertia for fits on a limit cycle.
 
-    They are 1 and, if it differs from 1, the ratio of the trim torque to nominal in the fit
-    ``plain`` (`thrust_ratio`).
+    The first value is 1. If the trim torque of the fit ``plain`` shows a wrong thrust gain, a
+    second value is the ratio of this torque to its nominal value (`thrust_ratio`).
     """
     ratio = thrust_ratio(plain, AXES)
     return [1.0] if ratio == 1.0 else [1.0, ratio]

@@ -186,9 +186,10 @@ def design(flights: int) -> np.ndarray:
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
     """Return G (n + 6, n + 3), the moments' derivatives by n scaled parameters and 3 log noises.
 
-    ``effects`` (6, n + 6) are the moments' derivatives by 3 log inertias, then by 3 log noises. G
-    takes from them the derivatives of each axis' moments by the inertia and noise of this axis. The
-    scores' other derivatives by parameters are the information H (n, n). The rest of G is zero.
+    ``effects`` (6, n + 6) are the estimated derivatives of all moments by 3 log inertias, then by 3
+    log noises. G contains those of each axis' three moments (`moments_of_axis`) by the inertia and
+    the noise of the same axis. All other derivatives of the n scores by parameters are the
+    information H (n, n). The rest of G is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))

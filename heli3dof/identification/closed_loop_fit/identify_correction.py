@@ -44,8 +44,8 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
 
     ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs,
     in every recording, a known controller (`model.control.voltage_replay`), all angles and their
-    references. The result is also ``found`` if the correction diverges, because the controller may
-    not stabilise the fitted rig.
+    references. If the correction diverges, the result is ``found``, too. It can diverge because the
+    controller need not stabilise the fitted rig.
     """
     if found.inflation <= MAX_INFLATION:
         return found
@@ -69,9 +69,9 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
-    """Return a fit of the model of ``found`` with other process noise on axes on a limit cycle.
+    """Fit the model of ``found`` again; fix the process noise of axes that are on a limit cycle.
 
-    On these axes, the noise is fixed to that of the base simulation (`fit_base`), to which a
+    On these axes, the noise is that of the base simulation (`fit_base`), the model to which a
     diagnosis adds effects. The search starts at the gravity torque and inertias of the base
     simulation, and at the prior means of the other parameters. The bias is not corrected.
     """

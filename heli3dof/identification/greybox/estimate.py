@@ -164,9 +164,11 @@ def estimate(
 def _start_at_instants(
     problem: Likelihood, noise: np.ndarray | None
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return the start (n,) and ``noise`` (4,) of a fit whose terms include changes at an instant.
+    """Return start values of a fit: scaled parameters (n,) and noise (4,).
 
-    The other terms are fitted first. Without such terms, returns (None, ``noise``).
+    Some effects begin at an unknown instant, such as an added mass. The function first
+    fits the model without these effects. Each effect then starts at the instant at which its score
+    is largest. If the model has no such effect, the function returns (None, ``noise``).
     """
     from heli3dof.identification.bias_correction.scans import likeliest_instant
 

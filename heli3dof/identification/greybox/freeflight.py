@@ -168,7 +168,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
     """Return the least-squares problem of a fit to ``recordings`` with the effects ``names``.
 
     Recordings with fewer than `LEAST_STARTS` prediction windows are left out. Raises RecordingError
-    if the others have fewer than `LEAST_WINDOWS` windows in total.
+    if the remaining ones have fewer than `LEAST_WINDOWS` windows in total.
     """
     structure = Structure(recordings[0].profile, terms(names))
     flights = flights_to_fit(recordings)

@@ -97,8 +97,8 @@ class Likelihood:
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
-        ``a`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s); ``keep`` as in
-        `filter_quantised`.
+        ``a`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
+        what is stored in addition to the log-likelihood (see `filter_quantised`).
         """
         return filter_quantised(
             self.structure, self.values(theta), self.data, a, self.encoder_noise, keep=keep

@@ -170,8 +170,8 @@ def noise_step(
 
     ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process noise
     on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). The jitter and the noise of unmeasured axes
-    (False in ``axes``, (3,) bool) stay fixed. Slope and curvature are differences between noises
-    that differ by the factor e^`PROBE`, because the likelihood is rough at smaller scales.
+    (False in ``axes``, (3,) bool) stay fixed. Slope and curvature are finite differences of the
+    log-likelihood, with the step `PROBE` in ln a. At smaller scales, the log-likelihood is rough.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)

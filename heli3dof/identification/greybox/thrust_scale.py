@@ -67,10 +67,11 @@ class ThrustScale:
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return True if the thrust gain deviates from the profile by more than ``tolerance``.
+        """Return True if the thrust gain deviates from the profile's by more than ``tolerance``.
 
-        k is the ratio of the thrust gain to the profile's. ln k must be beyond the limit (`edge`)
-        by more than `SCALE_QUANTILE` standard deviations.
+        The deviation must be significant. Let k be the ratio of the thrust gain to the profile's.
+        ln k must be outside the limits ln(1 ± ``tolerance``), by more than `SCALE_QUANTILE`
+        standard deviations of ln k.
         """
         ln_k = float(np.log(self.k))
         return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
@@ -98,7 +99,7 @@ def thrust_scale(fit: PhysicalFit) -> ThrustScale:
 def scale_of_model(model: GreyBoxModel) -> ThrustScale:
     """Return the thrust gain's ratio to the profile's, from a model's gravity torque and inertias.
 
-    Unknown standard deviations count as 0.
+    If the standard deviation of one of these parameters is unknown, it is taken as 0.
     """
     nominal = np.array([f.start for f in model.structure.free[:4]])
     std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
