@@ -135,16 +135,15 @@ def no_file(
 ) -> Heli3dofError:
     """Return the ``error`` for a path at which there is no file of this ``kind``.
 
-    It names the file with the most similar name; without one, the command that lists the folder.
+    It names the file with the most similar name or, without one, the command that lists the folder.
     """
     names = []
     if path.parent.is_dir():
         names = [p.name for p in path.parent.iterdir() if p.is_file()]
-    near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
-    return error(
-        f"There is no {kind} {path}.",
-        cause=f"a typing error; did you mean {path.parent / near[0]}?"
-        if near
-        else "a typing error in the path, or another working directory.",
-        fix="" if near else f"ls {quoted(path.parent)}",
-    )
+    if near := difflib.get_close_matches(path.name, names, n=1, cutoff=0.6):
+        other = path.parent / near[0]
+        cause, fix = f"a typing error; did you mean {other}?", f"again with {quoted(other)}"
+    else:
+        cause = "a typing error in the path, or another working directory."
+        fix = f"ls {quoted(path.parent)}"
+    return error(f"There is no {kind} {path}.", cause=cause, fix=fix)

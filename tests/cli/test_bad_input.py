@@ -304,7 +304,7 @@ def test_a_similar_name_replaces_the_command_that_lists_the_folder(tmp_path: Pat
     recording(tmp_path / "cable.mcap")
     error = heli3dof("info", tmp_path / "cabel.mcap", "--json").document
     assert f"did you mean {tmp_path / 'cable.mcap'}?" in error["cause"]
-    assert error["fix"] == ""
+    assert error["fix"] == f"again with {tmp_path / 'cable.mcap'}"
 
 
 @pytest.mark.parametrize("option", ["--model", "--profile"])

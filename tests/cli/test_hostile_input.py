@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -48,7 +49,7 @@ def bad(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "deep.json").write_text("[" * 9000)
     (folder / "deep.toml").write_text("a = " + "[" * 9000)
     (folder / "two.csv").write_text(log(n=2))
-    (folder / "inf.csv").write_text(log(n=200).replace("0.002,", "inf,", 1))
+    (folder / "inf.csv").write_text(re.sub(r"^\d[^,]*,", "inf,", log(n=200), flags=re.MULTILINE))
     return folder
 
 
@@ -71,11 +72,12 @@ RECORDINGS = (
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_every_verb_refuses_a_file_that_is_not_a_recording(verb: str, name: str, bad: Path) -> None:
     result = heli3dof(verb, bad / name, "--profile", RIG)
-    if name == "rec.json" and verb in ("info", "export"):
+    if name == "rec.json" and verb != "compare":  # whose arguments ending in .json are models
         assert result.code == 0, "a recording with another ending is read"
         return
     if verb == "diagnose" and result.code == 5 and "Error: " not in result.err:
-        assert "faulty" in result.out  # an inconsistent log gives a verdict, not an error
+        # An unusable log gives a verdict, not an error.
+        assert "cannot be imported" in result.out
         return
     judged(result)
 

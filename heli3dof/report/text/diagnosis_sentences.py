@@ -572,7 +572,7 @@ def next_steps(document: Document) -> Iterator[str]:
     """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
         yield (
-            "Import the log as stated above, then diagnose the recording."
+            "Correct this as stated above, then run heli3dof diagnose again."
             if _is_refused(document)
             else "Correct the log or record again, then run heli3dof diagnose again."
         )
