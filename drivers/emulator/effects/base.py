@@ -33,7 +33,8 @@ class Effect:
 
     ``kernels`` maps a `Stage`, a point of the simulation, to the compiled function that the plant
     calls there. The function ``setup(setup, axis, values)`` returns the changed `Setup`; the
-    emulator calls it once before the rig runs. Effects of the same stage act in ascending ``order``.
+    emulator calls it once before the rig runs. Effects of the same stage act in ascending
+    ``order``.
     """
 
     name: str

@@ -76,7 +76,7 @@ class StepCheck:
 class LoopCheck:
     """The result of `check_loop_of`: the poles of a closed loop.
 
-    If the loop is stable, it also contains the disk margin and simulated reference steps.
+    If the loop is stable, the result also contains the disk margin and simulated reference steps.
     """
 
     poles: FloatArray

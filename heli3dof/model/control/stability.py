@@ -24,9 +24,9 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
     """Return `Model.loop_poles` (rad/s, rightmost first); raise UnstableLoop if one is unstable.
 
     The exception names the poles with real part ≥ −`MARGIN` (rad/s). The hover model's poles are
-    those of the continuous loop. For this model the function also checks, but does not return, the
-    poles of the loop that is sampled every ``dt`` s and has the derivative filter: a low sampling
-    rate may destabilise that loop.
+    those of the continuous loop. For the hover model, this function also checks, but does not
+    return, the poles of the loop that is sampled every ``dt`` s and has the derivative filter: a
+    low sampling rate may destabilise that loop.
     """
     poles = model.loop_poles(controller, dt)
     unstable = poles[~(poles.real < -MARGIN)]

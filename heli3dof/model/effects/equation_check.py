@@ -145,7 +145,7 @@ def _equation(
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """Return a function ``change(s, begun)`` that evaluates an equation in the state ``s``.
 
-    It returns the array ``out`` after the equation minus ``begun``, the contents of ``out`` before.
+    Its result is the change of the array ``out`` by the equation; ``begun`` is ``out`` before.
     ``values``: the effect's parameters. The equation keeps its memory from call to call.
     """
     par, memory = np.zeros(PARAMETERS), _Pointer(np.zeros(MEMORY))
