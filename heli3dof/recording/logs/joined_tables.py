@@ -50,8 +50,8 @@ def join(tables: Sequence[Table]) -> Table:
 
     A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
     table without a clock must have as many samples as the first table with a clock. Raises
-    RecordingError if it has not, and for clocks with different rates or instants, or without
-    overlap.
+    RecordingError if these numbers differ, if clocks have different rates or instants, or if they
+    do not overlap.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:
