@@ -259,7 +259,10 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return recording with bootstrap replicates → how many of them name each cause."""
+    """Return {recording: for each cause, how many of its bootstrap replicates name this cause}.
+
+    Recordings without replicates are left out.
+    """
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}

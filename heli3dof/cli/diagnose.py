@@ -121,7 +121,7 @@ def diagnose(
 def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
     """Return ``device`` (a URL) and ``profile`` (a file) for a further flight of this rig.
 
-    An unknown device and the default profile have no entry.
+    The dict has no entry for an unknown device, nor for the default profile.
     """
     from heli3dof.recording.provenance import profile_file
     from heli3dof.rig.url import url_of_next_flight
@@ -132,9 +132,9 @@ def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
 
 
 def _exercise_ids(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return the id of each recording's exercise, or None for another rig; None without exercises.
+    """Return the id of each recording's exercise; None if no recording is of an exercise.
 
-    An exercise is a rig with hidden effects, for students.
+    An exercise is a rig with hidden effects, for students. The id is None for any other rig.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 

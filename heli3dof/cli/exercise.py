@@ -231,7 +231,11 @@ def _same_name(name: str) -> str:
 
 
 def _names(row: dict[str, Any]) -> str:
-    """Return as text how many hidden causes an answer names, and its wrong and confounded ones."""
+    """Return as text how many hidden causes an answer names, and the names of two other groups.
+
+    Those are the wrongly claimed causes, and the missed causes that the answer states to be
+    confounded with a wrong one.
+    """
     lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
     lines += [f"wrong: {name}" for name in row["wrong"]]
     lines += [f"confounded: {name}" for name in row["confounded"]]
@@ -239,7 +243,7 @@ def _names(row: dict[str, Any]) -> str:
 
 
 def _sizes(row: dict[str, Any]) -> str:
-    """Return as text each claimed size's relative error, and whether its interval has the truth."""
+    """Return as text each claimed size's relative error, and if its interval has the true size."""
     where = {True: "inside", False: "outside", None: "no interval"}
     lines = [f"{100 * s['relative_error']:.0f} %, {where[s['inside']]}" for s in row["sizes"]]
     return "\n".join(lines) or "–"

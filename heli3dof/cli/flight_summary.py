@@ -29,8 +29,8 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 def recording_document(recording: Recording) -> dict[str, Any]:
     """Return, by axis name, the reference (°) and metrics of one segment, for JSON.
 
-    The segment is the first step of the axis's reference. For an axis without a step,
-    it is the *reported* segment of `heli3dof.comparison.metrics`.
+    The segment is the first step of the axis's reference. `heli3dof.comparison.metrics` defines the
+    segment of an axis without a step.
     """
     from heli3dof.comparison.metrics import flight_metrics
 

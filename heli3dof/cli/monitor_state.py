@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 
 class MonitorState:
-    """Collects a rig's readings: last, rates (°/s), angle ranges (°), flags, largest lateness."""
+    """Collects a rig's readings.
+
+    Keeps the last reading, the present rates (°/s), and of all readings the ranges of the angles
+    (°), the flags, and the largest lateness (s).
+    """
 
     def __init__(self) -> None:
         self.readings = 0

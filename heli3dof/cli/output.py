@@ -215,7 +215,7 @@ def add_family(
 
 
 def _common_options(as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Define the options that `verb` adds."""
+    """Define the options ``--json`` and ``--quiet``, which `verb` adds to a subcommand."""
 
 
 def _explain_os_error(error: OSError) -> Heli3dofError | None:

@@ -196,7 +196,10 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Store the hover voltage of the masses in the profile ``data``, a comment in ``remarks``."""
+    """Estimate the hover voltage from the masses; store it in ``data``, a comment in ``remarks``.
+
+    ``data``: the profile as nested dicts; ``remarks``: dotted key → comment.
+    """
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage

@@ -36,7 +36,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield faults of the time stamps' order; if there are none, of their rate and device clock."""
+    """Yield faults of the time stamps' order. Without one, check rate and device clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:
@@ -130,8 +130,8 @@ def repeated(view: View) -> Iterable[Fault]:
     A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
     the `NEAR` rows around it. A repeated row has the angles of the row before, and all its
     voltages: at the motors, of the controller, of the experiment. If device time and sequence
-    number were logged, they are those of the row before, too. Otherwise, a new sample at rest could
-    count as repeated if a command came late.
+    number were logged, they must also equal those of the row before. They distinguish a repeated
+    row from a new sample of a resting rig that a late command left at the same voltages.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

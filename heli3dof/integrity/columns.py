@@ -9,9 +9,9 @@ voltages cause (`Response.drive`) exceeds `DRIVEN`. An axis is
 
 Axes *in question* are the inconsistent ones; if a voltage is constant, all driven ones. If there
 are any, the check swaps each pair of columns that may explain their motion. A swap is a candidate
-if it makes an axis in question consistent with a larger R², and no axis inconsistent that was not
-in question. The
-agreement M of a log with the profile is a sum over the driven axes:
+if it makes an axis in question consistent with a larger R², and if all axes that are then
+inconsistent were in question before. The agreement M of a log with the profile is a sum over the
+driven axes:
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
@@ -107,7 +107,11 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement M of the driven axes with the profile, a sum of at most 1 per axis."""
+    """Return the agreement of a log with the profile, M = Σ R² exp(−½ (ln |g| / `USUAL`)²).
+
+    The sum is over the axes that the voltages drive. g is an axis' response to the voltages (1: as
+    the profile predicts), R² the share of its motion that g explains.
+    """
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
@@ -115,9 +119,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion swapped columns may explain; ``T``: `_table`.
+    """Return the axes whose motion may be explained by two swapped columns; ``T``: `_table`.
 
-    These are the `inconsistent` axes; if a voltage is constant, all driven axes.
+    They are the axes with an implausible response to the voltages (`inconsistent`). If a voltage is
+    constant, they are all axes that the voltages drive.
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():

@@ -19,9 +19,9 @@ FIX = (
 
 
 def ended(view: View) -> Iterable[Fault]:
-    """Yield a note if the flight was tripped.
+    """Yield a note if a safety trip or an emergency stop ended the flight.
 
-    Its cause and remedy are those stored in the recording, or else `CAUSE` and `FIX`.
+    The note's cause and remedy are those stored in the recording, or else `CAUSE` and `FIX`.
     """
     r = view.recording
     sentence = trip_sentence(r)

@@ -1,8 +1,8 @@
 """Report ``timing.gaps``: lost samples, and rows with a value that is not finite.
 
-A gap of `HOLE_S` or more is a hole: it is a note of its own, and its samples do not count as lost.
-Outside the holes, n samples were taken (`View.ticks`). n_i of them are lost in gap i, and u contain
-a value that is not finite.
+A gap of `HOLE_S` or more is a hole. The check reports holes in a separate note, and does not count
+their samples as lost. Outside the holes, n samples were due (`View.ticks`). n_i of them are lost in
+gap i, and u have a value that is not finite.
 
     lost_share = (Σ n_i + u)/n
 

@@ -36,8 +36,9 @@ STOOD_S = 0.4
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
     """Return how far each step deviates from its neighbours, and which steps are jumps.
 
-    A step is the change of axis number ``i`` between two rows. The deviations (N − 1,) in rad are
-    the left side of the module's inequality. The jumps are indices of steps.
+    A step is the change of the angle of axis ``i`` (0 to 2) between two rows. The deviation of a
+    step over Δ control periods is min(|d − d̄|, |d|) Δ in rad: d is the step per period, d̄ the mean
+    of its two neighbours. The first result has shape (N − 1,), the second has indices of steps.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])
@@ -91,9 +92,9 @@ def jumps(view: View) -> Iterable[Fault]:
 
 
 def _unwrapping(recording: Recording, axis: str, turn: int) -> str:
-    """Return how to unwrap an angle that is wrapped to ``turn`` degrees.
+    """Return, as text, how to unwrap an angle that is wrapped to ``turn`` degrees.
 
-    The columns of an imported log are mapped again; an array in Python is unwrapped by numpy.
+    For an imported log the text is a ``--map`` option, else a call of ``numpy.unwrap``.
     """
     if not is_log(recording):
         return f"unwrap it: numpy.unwrap(angle_deg, period={turn})"

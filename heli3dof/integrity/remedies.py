@@ -41,10 +41,10 @@ def log_remedy(recording: Recording, quantity: str, form: str) -> str:
 
 
 def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) -> str:
-    """Return the remedy of an angle: ``form`` for a log, ``in_profile`` for a recorded flight.
+    """Return how to correct an angle: ``form`` for a log, ``in_profile`` for a recorded flight.
 
-    ``form``: as of `log_remedy`. ``in_profile``: a setting of the profile, such as
-    ``encoder.yaw = -8192``.
+    ``form``: the right value, with ``{}`` for the logged one, such as ``-{}``. ``in_profile``: a
+    setting of the profile, such as ``encoder.yaw = -8192``.
     """
     if is_log(recording):
         return log_remedy(recording, axis, form)

@@ -92,9 +92,9 @@ def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Pro
 def responses(
     recording: Recording, free: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Return {axis: response}, from the time windows in which all rows are usable.
+    """Return {axis: its response to the voltages}, from windows in which all rows are usable.
 
-    ``free`` (N,) bool: usable rows; ``number`` (N,): numbers of the samples, lost ones included.
+    ``free`` (N,) bool: usable rows; ``number`` (N,): the samples' numbers; lost samples count, too.
     Axes that no voltage drives are left out.
     """
     angle, voltage, ok = _evenly_sampled(recording, free, number)

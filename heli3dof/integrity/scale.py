@@ -72,9 +72,10 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ² (see the module): how badly encoder factors k explain the responses g.
+    """Return χ²: how badly encoder factors k explain the axes' responses g to the voltages.
 
-    ``log_g``, ``log_k``: {axis: ln g}, {axis: ln k}; ``h``: None if unknown.
+    ``log_g``: {axis: ln g}; ``log_k``: {axis: ln k}; ``h``: hover voltage over the profile's, None
+    if unknown. The module's docstring gives the equation.
     """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:
@@ -156,8 +157,9 @@ def _roll_divided(view: View, k: float) -> View:
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
     """Return the encoder factor (reading over angle) of ``axis`` and its standard deviation.
 
-    The factor is the axis' response divided by the geometric mean of the other axes' responses (for
-    pitch, without yaw). For roll, it is multiplied by k: `_roll_divided` has divided roll by k.
+    The factor is the axis' response divided by the geometric mean of the other axes' responses; for
+    pitch, the mean leaves out yaw. For roll, the factor is multiplied by k, because ``responses``
+    belong to roll angles divided by k (`_roll_divided`).
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
@@ -169,7 +171,11 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return (K, h) of the module's docstring if the amplifier's gain is wrong, else None."""
+    """Return (K, h) if the amplifier's gain is wrong, else None.
+
+    K is the median response of the axes to the voltages, h the hover voltage, both as multiples of
+    the profile's.
+    """
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

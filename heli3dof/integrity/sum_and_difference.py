@@ -10,8 +10,8 @@ sum and difference if all of these hold:
 - Pitch has a response to them.
 - The motion does not show two swapped columns (`columns`).
 
-D is back − front if pitch responds against front − back, and yaw does not turn against the tilt. If
-yaw also turns the wrong way, `directions` reports pitch's sign.
+D is assumed to be front − back. If pitch then responds with the wrong sign and yaw does not, D is
+back − front. If both respond with the wrong sign, `directions` reports pitch's sign.
 """
 
 from __future__ import annotations

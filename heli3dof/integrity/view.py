@@ -94,5 +94,8 @@ class View:
         return self.responses_to(self.recording)
 
     def responses_to(self, recording: Recording) -> dict[str, Response]:
-        """Return `responses` for the voltages of ``recording``, a copy with other voltages."""
+        """Return {axis: its response to the voltages of ``recording``}.
+
+        ``recording`` is a copy of the view's recording with other voltages.
+        """
         return responses(recording, self.airborne, self.ticks.number, self.ticks.period_s)

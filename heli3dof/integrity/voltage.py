@@ -173,7 +173,10 @@ def unit(view: View) -> Iterable[Fault]:
 
 
 def subtracted(view: View) -> bool:
-    """Return True if the hover voltage was subtracted from the logged voltages (see the module)."""
+    """Return True if the hover voltage was subtracted from the logged voltages.
+
+    The module's docstring describes the test.
+    """
     r, h = view.recording, view.hover_ratio
     if h is None or abs(h) >= NEAR_ZERO:
         return False

@@ -37,7 +37,8 @@ def stem(path: Path) -> str:
 def file_name(name: str) -> str:
     """Return ``name`` as a part of a file's name: separators and control characters become ``-``.
 
-    For names that come from a file, such as a plan's: they must not lead to another folder.
+    Apply this function to a name from a file, such as a plan's, so that the name cannot lead to
+    another folder.
 
     >>> file_name("../steps"), file_name("cable.yaw:0.1")
     ('..-steps', 'cable.yaw:0.1')

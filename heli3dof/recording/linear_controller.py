@@ -20,9 +20,9 @@ from heli3dof.arrays import FloatArray
 class LinearController:
     """Gains of a linear control law of order n = len(A), and how well it explains the voltages.
 
-    ``share`` is σ_e/std(Δu): the standard deviation of the law's error e (V), divided by that of
-    Δu = u[k] − u[k−1]. u is v without the voltages that the experiment added. ``share`` is the
-    upper quartile of this ratio over blocks of the log (`model.control.unexplained_share`).
+    ``share`` is the upper quartile, over blocks of the log, of the ratio σ_e/std(Δu)
+    (`model.control.unexplained_share`). σ_e is the standard deviation of the law's error e (V). u
+    are the motor voltages without those that the experiment added, Δu = u[k] − u[k−1].
     """
 
     A: FloatArray

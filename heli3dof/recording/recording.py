@@ -141,7 +141,10 @@ class Recording(Result):
 
     @property
     def elapsed_s(self) -> FloatArray:
-        """Return the time (N,) s since the first sample of the whole recording, also in a part."""
+        """Return the times (N,) in s since the first sample of the recording.
+
+        In a part of a recording, they count from the first sample of the whole recording.
+        """
         return self.t - (self.t[:1] if self.start_s is None else self.start_s)
 
     @property
@@ -261,7 +264,10 @@ def recording_of_arrays(
 
 
 def _floats(name: str, values: ArrayLike) -> FloatArray:
-    """Return ``values`` as an array of floats; raise UsageError, which names the argument."""
+    """Return ``values`` as an array of floats; raise UsageError unless they are real numbers.
+
+    The error names the argument ``name``.
+    """
     try:
         if np.iscomplexobj(values):
             raise TypeError("complex numbers")

@@ -9,7 +9,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 
 def trip_sentence(recording: Recording) -> str | None:
-    """Return a sentence with the time (s) and the reason of a flight's safety trip, or None."""
+    """Return a sentence with the time (s) and reason of a safety trip; None without a trip."""
     if recording.meta.get("outcome") != "tripped":
         return None
     phase = recording.channels.get("phase", np.full(len(recording), CLOSED_LOOP))

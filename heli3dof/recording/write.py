@@ -56,7 +56,10 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
 
 
 def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the metadata records by name, in a file's order; ``absent``: as `encode` returns."""
+    """Return the metadata records by name, in a file's order.
+
+    ``absent``: the message fields that the recording lacks.
+    """
     meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
     outcome: dict[str, Any] = {"rows": len(recording)}
     if "outcome" in recording.meta:

@@ -148,7 +148,10 @@ def calibration_path(serial: str) -> Path:
 
 
 def load_calibration(serial: str) -> Calibration | None:
-    """Return the stored calibration of ``serial``; None: none stored. ValueError: unreadable."""
+    """Return the stored calibration of the rig with this serial number; None if none is stored.
+
+    Raises ValueError if the stored calibration is unreadable.
+    """
     try:
         path = calibration_path(serial)
     except OSError as problem:

@@ -99,7 +99,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add a sample taken at ``device_s`` s; return the number of instants skipped before it."""
+        """Add a sample taken at ``device_s`` s; return how many instants before had no sample."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

@@ -1,6 +1,7 @@
 """Checks the safety envelope in every control period.
 
-A flight ends (exit code 4, motors taken to zero volts) as soon as one of these is true:
+As soon as one of these is true, the flight ends: the control loop takes the motors to zero volts,
+and the command's exit code is 4.
 
     roll ∉ [roll_min, roll_max],  |pitch| > pitch_max,  |yaw| > yaw_max,  |rate| > its limit,
     the controller's output is not finite,  |V[k]| > v_max,

@@ -37,7 +37,7 @@ def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def attribute_of(statistics: Any, counter: str) -> str | None:
-    """Return the name of this counter's attribute in ``statistics``; None if it has none.
+    """Return the name of this counter's attribute in ``statistics``; None without such a counter.
 
     ``statistics``: the link's counters of a rig. A driver that uses the counter's former name
     causes a DeprecationWarning.

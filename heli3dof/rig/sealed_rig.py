@@ -82,9 +82,9 @@ def exercise_of(serial: str) -> str | None:
 class HiddenRig:
     """What the emulator simulates in an exercise: effects and a random spread of parameters.
 
-    ``hide``: the effects; ``spread``: largest relative change of a parameter; both as in a URL of
-    ``mock:``. ``rig_seed``: seed of the spread. The URL's seed applies to noise, vibration and
-    timing only.
+    ``hide``: the effects; ``spread``: largest relative change of a parameter; both as the options
+    of the same name in a URL of ``mock:``. ``rig_seed``: seed of the spread. The URL's seed applies
+    to noise, vibration and timing only.
     """
 
     hide: str
@@ -160,7 +160,7 @@ def padded(part: Mapping[str, Any]) -> bytes:
 
 
 def sealed_rig(rig: HiddenRig) -> str:
-    """Return ``rig`` encrypted under `FLYING_KEY` in base64: the part ``rig`` of the file."""
+    """Return ``rig``, encrypted with `FLYING_KEY`, in base64: the exercise file's key ``rig``."""
     check_nacl()
     from nacl.secret import SecretBox
 

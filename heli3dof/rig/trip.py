@@ -12,7 +12,7 @@ class Trip(str):
     ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
     trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`). ``invalid_s``: the
     last seconds before the trip, whose angles are invalid because an encoder froze in the air. Only
-    the motion before is evidence; 0: all of it is.
+    the motion before these seconds is evidence; 0: all angles are valid.
     """
 
     cause: str

@@ -139,11 +139,12 @@ def _of_column(name: str, profile: Profile) -> tuple[str, str, int]:
 def _refuse(
     source: str, name: str, values: np.ndarray, ratio: float | None, profile: Profile, logged: str
 ) -> None:
-    """Raise RecordingError if angles off the encoder's grid are in another unit than stated.
+    """Raise RecordingError if angles are not in the unit that their column's name states.
 
-    ``source``: the log; ``name``: the angle's column; ``values``: the angles (N,); ``ratio``:
-    measured motion divided by the motion that the voltages explain (`newton`), or None;
-    ``logged``: the expression of the log's columns that computed the angle.
+    ``source``: the log; ``name``: the angle's column; ``values``: the angles (N,), which are not on
+    the encoder's grid in the stated unit; ``ratio``: measured motion divided by the motion that the
+    voltages explain (`newton`), None if unknown; ``logged``: the expression of the log's columns
+    that computed the angle.
     """
     axis, unit, counts = _of_column(name, profile)
     other = OTHER[unit]
@@ -227,13 +228,15 @@ def _check_reference(
 def newton(
     axis: str, angle: np.ndarray, columns: Mapping[str, np.ndarray], profile: Profile
 ) -> tuple[float, float] | None:
-    """Compare an angle's second difference with the integrated torque by Newton's law.
+    """Compare an angle's motion with the motion that the voltages explain by Newton's law.
 
-    ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
-    parameters. Returns the ratio of standard deviations, difference to torque, about 1 in the right
-    unit; and the correlation of both, positive with the right sign. Returns None for yaw and for
-    fewer than eight windows. Returns None also if the torque explains less than about one count of
-    motion, or if the second difference is constant.
+    The motion is the angle's second difference over windows of `NEWTON_WINDOW_S`. The voltages
+    explain the acceleration torque/inertia, integrated twice. Returns the ratio of the standard
+    deviations, measured to explained (about 1 in the right unit), and the correlation (positive
+    with the right sign). Returns None for yaw, for fewer than eight windows, for less than about
+    one count of explained motion, and for constant measured motion.
+
+    ``angle`` (N,) rad is that of ``axis``; ``columns`` has times and voltages.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))

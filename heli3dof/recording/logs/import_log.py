@@ -73,9 +73,9 @@ def read_log(
     columns: str | Sequence[str] | None = None,
     mapping: Mapping[str, str] | None = None,
 ) -> Log:
-    """Return the columns of one flight's files, joined and mapped; arguments as of `import_log`.
+    """Return the columns of one flight's files in one table, and the columns mapped from them.
 
-    Raises RecordingError or UsageError.
+    `import_log` describes the arguments. Raises RecordingError or UsageError.
     """
     files = tuple(Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths))
     if len(files) > 1 and columns is not None:
@@ -93,7 +93,10 @@ def read_log(
 
 
 def recording_of(log: Log, *, check_values: bool = True) -> Recording:
-    """Check a log's columns and return them as a `Recording`; arguments as of `import_log`."""
+    """Check a log's columns and return them as a `Recording`.
+
+    ``check_values=False`` skips the checks that angles and voltages have the units in their names.
+    """
     files = [_digest(path) for path in log.paths]
     meta = provenance(
         source="import",
@@ -157,7 +160,10 @@ def _read(
 
 
 def _numeric(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return an importer's columns as arrays (N,) of float; raise ValueError if they are not."""
+    """Return an importer's columns as arrays (N,) of floats.
+
+    Raises ValueError if there is no column, or unless all are numeric vectors of equal length.
+    """
     if not columns:
         raise ValueError("its table has no column")
     arrays: dict[str, np.ndarray] = {}

@@ -50,8 +50,8 @@ def join(tables: Sequence[Table]) -> Table:
 
     A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
     table without a clock must have as many samples as the first table with a clock. Raises
-    RecordingError if it has not, and for clocks without overlap or common instants, or with rates
-    that are no integer multiples.
+    RecordingError if these numbers differ, if the clocks do not overlap or have no common instants,
+    or if their rates are no integer multiples.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:

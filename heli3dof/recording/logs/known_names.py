@@ -159,6 +159,9 @@ def _key(name: str) -> tuple[str, str | None]:
 
 
 def _stems(target: str) -> set[str]:
-    """Return the names that a column may have in a log: for an angle one of each unit."""
+    """Return the names that the column ``target`` may have in a log.
+
+    An angle may have two, ending in ``_deg`` and ``_rad``; any other column has only its own.
+    """
     head, _, unit = target.rpartition("_")
     return {f"{head}_deg", f"{head}_rad"} if unit in ("deg", "rad") else {target}

@@ -64,8 +64,8 @@ class Ticks:
     def missing(self) -> np.ndarray:
         """Return the number of lost samples (N − 1,) in each interval.
 
-        A sample that is more than half a period late has the number of the next one. It counts as
-        late, not as lost.
+        If a time stamp is more than half a period late, its sample gets the number of the next
+        sample. It counts as late, not as lost.
         """
         k = np.arange(len(self.number))
         lost_until = np.minimum.accumulate((self.number - k)[::-1])[::-1]

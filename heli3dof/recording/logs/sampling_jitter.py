@@ -122,12 +122,19 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return s² (N,) in rad² for an angle's ``rate`` ẏ (rad/s) and the encoder's ``step`` (rad)."""
+    """Return the variance s² = q²/12 + (`SCALE_S` ẏ)² (N,), in rad², of an angle's residual.
+
+    ``rate``: the angle's rate ẏ (rad/s); ``step``: the encoder's step q (rad).
+    """
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
-    """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ²."""
+    """Return the jitter σ_t (s) of one axis from the least-squares fit e² = const + σ_t² ẏ².
+
+    ``e``: residuals of the fitted parabolas (rad); ``rate``: the angle's rate ẏ (rad/s);
+    ``blocks``: each sample's block of the jackknife.
+    """
     there = np.isfinite(e)
     if there.sum() < 100:
         return NONE_FOUND

@@ -186,7 +186,8 @@ def write_rows(
 ) -> None:
     """Write a complete file: metadata, rows, then the metadata record `OUTCOME`.
 
-    ``metadata``: all records by name, also `OUTCOME` (how the flight ended); others: `McapFile`.
+    ``metadata``: all metadata records by name, with `OUTCOME` (how the flight ended). `McapFile`
+    describes ``stream`` and ``names``.
     """
     file = McapFile(stream, form, names)
     file.start({name: data for name, data in metadata.items() if name != OUTCOME})

@@ -1,4 +1,4 @@
-"""`recover`: writes the intact part of a torn recording to a new file.
+"""`recover`: writes the intact part of an incomplete or damaged recording to a new file.
 
 Every complete chunk with a correct checksum is kept, also after unreadable bytes. An incomplete
 chunk, about 0.15 s of a flight, is lost: its compressed bytes decode as a whole or not at all. The

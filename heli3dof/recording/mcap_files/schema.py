@@ -243,7 +243,7 @@ class RowPacker:
 
 
 def tag_value(number: int, kind: str) -> int:
-    """Return a protobuf field's tag, one or two varint bytes, as a little-endian number.
+    """Return a protobuf field's tag: one or two varint bytes, read as a little-endian number.
 
     ``number``: the field's number; ``kind``: its type (a key of ``KINDS``).
     """

@@ -39,7 +39,9 @@ class Replayed:
 def replayed(
     before: GreyBoxModel, after: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Replayed, ...]:
-    """Return one result for each recording and each axis with a step or constant reference.
+    """Return overshoot and steady error of each flight, and of its replays with two models.
+
+    There is one result for each recording and each axis with a step or constant reference.
 
     ``before``, ``after``: models without and with the causes. Recordings that cannot be replayed
     are omitted, such as those with an unknown controller.

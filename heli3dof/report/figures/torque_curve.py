@@ -133,7 +133,10 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
 
 
 def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
-    """Return the figure's data for a residual torque that the model ``fit`` does not explain."""
+    """Return the data of the figure of ``residual``, a torque that ``fit`` does not explain.
+
+    The figure shows the residual torque over the variable on which it depends.
+    """
     flight = linearised_run(fit)
     i = AXES.index(residual.axis)
     rows = flight.in_runs & np.isfinite(flight.torque[:, i])
@@ -153,10 +156,10 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """Return the variable and axis (0 to 2) for which the cause explains most residual torque.
 
-    ``cause`` (N, 3): the cause's torque in N·m; ``names``: the variables to compare. Both torques
-    are averaged in bins of the variable. S is the sum over the bins of the squared deviation from
-    the weighted mean; each weight is 1/σ², with the bin's standard error σ. The clarity is S of the
-    residual torque, minus S of the residual torque without the cause's torque. Another variable
+    ``cause`` (N, 3): the cause's torque τ in N·m; ``names``: the variables to compare. τ and the
+    residual torque τ̂ of ``flight`` are averaged in bins of the variable. S(x) is the sum over the
+    bins of the squared deviation of x from its weighted mean; each weight is 1/σ², σ the standard
+    error of τ̂ in the bin. The clarity is S(τ̂) − S(τ̂ − τ). Another variable
     replaces the best one so far if its clarity is more than `MIN_CLARITY_RATIO` times as large.
     """
     best = (names[0], 0, 0.0)

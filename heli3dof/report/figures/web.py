@@ -75,7 +75,7 @@ def live_data(figure: Figure) -> dict[str, Any]:
 def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
     """Return one panel as JSON values: labels, ranges, curves, bands and shaded spans.
 
-    ``others``: the axes of all panels; some of them have the labels that panels share.
+    ``others``: the axes of all panels. A label that panels share is on one of their axes only.
     """
     siblings = [a for a in others if a is axes or axes.get_shared_x_axes().joined(axes, a)]
     row = [axes, *(a for a in siblings if _in_one(a, axes, "row"))]

@@ -100,7 +100,7 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return what a comparison answers on its first recording, each an `Answer`."""
+    """Return the report's answers from a comparison's first recording; [] without models."""
     flight = comparison.flights[0]
     if not flight.models:
         return []
@@ -132,7 +132,10 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return [which model predicts the first recording best, with bars]; [] without predictions."""
+    """Return one answer: which model predicts the first recording best, with a bar chart.
+
+    The list is empty if the first recording has no predictions.
+    """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

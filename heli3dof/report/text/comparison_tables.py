@@ -184,7 +184,10 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's label of ``model``: of identified ``models``, only the first has one."""
+    """Return the paper's label of ``model``, or None.
+
+    The hover model is ``hover``; the first identified model in ``models`` is ``identification``.
+    """
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]

@@ -164,7 +164,10 @@ def refit_explains(document: Document) -> bool:
 
 
 def changed_ratios(document: Document) -> list[Document]:
-    """Return the ratios that differ by more than two standard deviations from the profile's."""
+    """Return the fitted ratios of parameters, such as K_f/J_roll, that differ from the profile's.
+
+    The difference exceeds two standard deviations of the fitted ratio.
+    """
     ratios = document.get("ratios", ())
     return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
@@ -283,7 +286,7 @@ def limits(document: Document) -> Iterator[str]:
 
     The simulation error is the RMSE of predictions with the profile's numbers. The sentences name
     the recordings that were not fitted, and the axes whose noise floor is more than `NOISE_EXCESS`
-    times this error. If no recording is long enough to measure it, a sentence states that.
+    times this error. If no recording is long enough to measure this error, a sentence states that.
     """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:

@@ -38,7 +38,7 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def diagnosis_text(document: Document) -> str:
-    """Return the summary as one text."""
+    """Return the summary of a diagnosis as one text; ``document`` is its JSON document."""
     return "\n".join(diagnosis_summary(document))
 
 
@@ -104,5 +104,5 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _once_each(document: Document) -> list[Document]:
-    """Return the causes, each effect once: jitter of several recordings is one cause."""
+    """Return one cause per effect: jitter found in several recordings is one cause."""
     return list({name_of(f): f for f in reversed(document["findings"])}.values())[::-1]

@@ -66,10 +66,11 @@ def rig_table(fleet: Fleet) -> Grid:
 
 
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
-    """Return at most `MOST_COLUMNS` pairs (quantity, column), in the order of `MAIN`.
+    """Return at most `MOST_COLUMNS` pairs (quantity, table column), in the order of `MAIN`.
 
-    A column's quantity is the first whose name matches the column's pattern; without one the
-    column is left out. If no column has a quantity, the fleet's first quantities are returned.
+    For each column in `MAIN`, the quantity is the fleet's first one whose name matches the column's
+    pattern. A column without such a quantity is left out. If this leaves no column, each of the
+    fleet's first quantities gets a column with its own name.
     """
     found = []
     for column in MAIN:

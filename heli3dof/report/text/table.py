@@ -70,7 +70,10 @@ class _FittingTable:
             yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return each part's columns: all text columns, and as many others as fit in ``width``."""
+        """Return the table's columns, divided into parts of at most ``width`` characters.
+
+        Each part has all text columns, and as many of the others as fit.
+        """
         least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
         always = list(range(self.grid.text_columns))
         parts, room = [list(always)], width - sum(least[i] for i in always)
@@ -96,7 +99,7 @@ class _FittingTable:
         return max(map(cell_len, (*self._head(column), *cells)), default=0)
 
     def _head(self, column: int) -> list[str]:
-        """Return the lines of a column's title; above numbers, the unit has its own line."""
+        """Return a column's title in lines; in a column of numbers, the unit has its own line."""
         head = self.grid.columns[column]
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 

@@ -1,4 +1,4 @@
-"""Tests requirements on a rig in a fault: stop, missing commands, invalid voltages, closing."""
+"""Tests how a rig reacts to a stop, missing commands, invalid voltages and closing."""
 
 from __future__ import annotations
 

@@ -103,9 +103,10 @@ def _missing(rig: StoppableRig) -> dict[str, int]:
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Return a `Check` that without commands the device latches, and then ignores commands.
+    """Return a `Check` that the watchdog disables the amplifier if no commands arrive.
 
-    The result is undecided (``good`` None) for a rig with a virtual clock.
+    The amplifier must stay disabled when commands arrive again. The result is undecided (``good``
+    None) for a rig with a virtual clock.
     """
     what, rig = "watchdog at work", armed.rig
     if rig.identity.timebase == "virtual":

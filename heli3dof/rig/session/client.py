@@ -75,8 +75,8 @@ def running(device: str | None = None) -> list[Running]:
 class Request:
     """A request to a session (a process that uses a rig). The constructor sends the request.
 
-    ``content``: the request's keys and values, without the session's key. If it is empty, the
-    constructor only connects to the session.
+    ``content``: the request's JSON keys and values; the constructor adds the session's secret key.
+    If ``content`` is empty, the constructor only connects to the session.
     """
 
     def __init__(self, session: Running, content: Mapping[str, Any]) -> None:

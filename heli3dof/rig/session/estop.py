@@ -1,6 +1,6 @@
 """Stops rigs now, whichever process holds them.
 
-    first                →  store the time: no program begun earlier can arm (`stop_stamp`)
+    first                →  store the stop's time: no program begun before can arm (`stop_stamp`)
     running session      →  request the stop through its socket; the session confirms the stop
     no answer in 200 ms  →  directly: the driver stops the device although a process holds it
     no session           →  directly
@@ -155,15 +155,15 @@ class EstopResult:
     """URLs of ports at which no rig is known: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
-        """Raise DeviceError if the stop did not succeed; ``device``: as in `estop`.
+        """Raise DeviceError if the stop failed; ``device``: the rig's URL, None for all rigs.
 
-        The cases are:
+        The stop failed in these cases:
 
         - No rig was stopped.
         - The rig at the URL ``device`` did not confirm its stop.
-        - ``device`` is None (all rigs), and a rig that a process uses did not confirm its stop.
+        - ``device`` is None, and a rig that a process uses did not confirm its stop.
 
-        Any other device that does not confirm may be no rig, so it is no error.
+        If ``device`` is None, a device that no process uses need not confirm: it may be no rig.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:

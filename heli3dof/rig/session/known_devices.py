@@ -53,7 +53,7 @@ def remembered() -> Iterator[str]:
 def serials_at(device: str) -> set[str]:
     """Return possible serial numbers of the rig at this URL.
 
-    They are those of rigs opened there before, and the part after the URL's last slash.
+    They are the numbers of the rigs opened there before, and the text after the URL's last slash.
     """
     url = parse_url(device)
     name = device_name(url)

@@ -4,7 +4,7 @@
         sample = rig.read()
 
 Every program that moves or reads a rig uses this function. `heli3dof.rig.drivers.open_driver` alone
-does not lock the rig, and ``heli3dof estop`` cannot request a stop from its process.
+does not lock the rig, and ``heli3dof estop`` cannot request a stop from the process that calls it.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ _began_ns: int | None = None
 def start_command() -> None:
     """State that a user's request begins now: earlier emergency stops do not forbid its flights.
 
-    For programs that carry out several requests: a server, a window, a test run.
+    A program that carries out several requests, such as a server, calls this function for each.
     """
     global _began_ns
     _began_ns = time.monotonic_ns()
@@ -65,9 +65,10 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Store an emergency stop made now: no program begun earlier can arm the rigs ``names``.
+    """Store an emergency stop with the present time: no program begun before can arm the rigs.
 
-    ``names``: from `names_of`, or ``all``; ``reason``: for the message of a refused flight.
+    ``names``: the rigs' names from `names_of`, or ``all``; ``reason``: for the message of a flight
+    that is refused.
     """
     folder, now = runtime_folder(), time.monotonic_ns()
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
@@ -83,7 +84,7 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
     """Return the reason of a stop since ``began_ns`` that forbids arming; None without a stop.
 
     ``began_ns``: when the program or call began, in ns on the host's monotonic clock; ``names``:
-    the rig's, from `names_of`.
+    the rig's names from `names_of`.
     """
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):

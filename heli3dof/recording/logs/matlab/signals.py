@@ -50,7 +50,7 @@ class _Found:
     """Name of an array or timed structure → its full path, such as ``flight.angle.roll``"""
 
     def columns_of_paths(self, columns: Iterable[str]) -> dict[str, str]:
-        """Return {full path: column}; both names of a matrix's row end in its index, ``[1]``."""
+        """Return {full path: column}, for a matrix's row such as {``flight.x[1]``: ``x[1]``}."""
         names = {c: c if c in self.paths else c.rpartition("[")[0] for c in columns}
         return {self.paths[n] + c[len(n) :]: c for c, n in names.items() if n in self.paths}
 
@@ -142,7 +142,7 @@ def _timed_structure(
 def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
     """Yield one dict per time vector: its signals by name, and the vector itself as ``t_s``.
 
-    The arrays that become such signals are removed from ``found``.
+    Removes the arrays of these signals from ``found``.
     """
     for t, columns in found.clocked:
         yield {"t_s": t, **columns}
@@ -170,7 +170,7 @@ def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.nda
     """Yield one dict per array length, with the columns in ``found`` that have no time vector.
 
     ``clocks``: lengths of the file's time vectors. If there are any, arrays of other lengths are
-    ignored. So are arrays of fewer than `MIN_SAMPLES` samples. An array with a name of
+    ignored. So are arrays of fewer than `MIN_SAMPLES` samples. An array whose name is a column of
     docs/reference/recording.md is always kept.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
