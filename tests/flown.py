@@ -1,13 +1,21 @@
-"""The first part of a plan, flown: the same rows as of the whole flight, at a part of its cost."""
+"""Flights for tests: the first part of a plan, without safety monitors.
+
+A rich flight costs 0.02 s of CPU time per second; its rest is not flown. Safety monitors change no
+row of a flight that they do not end, and would add 0.016 s.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Any
+from unittest.mock import patch
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, Signals, load_plan
+from heli3dof.experiment.safety_monitors import FlightMonitors
 from heli3dof.recording.recording import Recording
+
+NO_MONITORS = FlightMonitors((), lambda: None, lambda: False)
 
 
 @dataclass(frozen=True)
@@ -34,9 +42,10 @@ def first_part(plan: Plan | str, until_s: float) -> FirstPart:
     return FirstPart(whole.name, whole.segments, whole.description, whole.purpose, until_s)
 
 
-def flown(plan: Plan | str, until_s: float, **options: Any) -> Recording:
-    """Return ``fly_plan(plan, **options).recording.between(0.0, until_s)``.
-
-    A rich flight costs 0.03 s of CPU time per second; its rest is not flown.
-    """
-    return fly_plan(first_part(plan, until_s), **options).recording.between(0.0, until_s)
+def flown(plan: Plan | str, until_s: float | None = None, **options: Any) -> Recording:
+    """Return the rows of ``fly_plan(plan, **options)`` until ``until_s``; None: all rows."""
+    whole = load_plan(plan) if isinstance(plan, str) else plan
+    with patch("heli3dof.experiment.fly.monitors_for", lambda profile: NO_MONITORS):
+        flight = fly_plan(whole if until_s is None else first_part(whole, until_s), **options)
+    flight.raise_if_cut_short()
+    return flight.recording if until_s is None else flight.recording.between(0.0, until_s)

@@ -1,4 +1,4 @@
-"""The first part of a plan has the rows of the whole flight."""
+"""A test's flight has the rows of the same flight with safety monitors, whole or in part."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ def test_the_first_part_of_a_flight_is_that_of_the_whole_flight() -> None:
     segments = [{"kind": "hold", "duration_s": 2.0}, multisine, multisine]
     plan = plan_from_dict({"name": "short", "segment": segments})
     device = "mock:?speed=max&spread=0.07&hide=timing.gaps:0.05"
-    whole = fly_plan(plan, device=device, seed=7).recording.between(0.0, 6.0)
-    part = flown(plan, 6.0, device=device, seed=7)
-    for name in ("t", "angle", "voltage", "reference", "voltage_cmd", "voltage_extra"):
-        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name))
-    for name, values in part.channels.items():
-        if name != "host_time_s":
-            np.testing.assert_array_equal(values, whole.channels[name], err_msg=name)
+    whole = fly_plan(plan, device=device, seed=7).recording
+    for until_s in (6.0, None):
+        expected = whole if until_s is None else whole.between(0.0, until_s)
+        part = flown(plan, until_s, device=device, seed=7)
+        for name in ("t", "angle", "voltage", "reference", "voltage_cmd", "voltage_extra"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(expected, name))
+        for name, values in part.channels.items():
+            if name != "host_time_s":
+                np.testing.assert_array_equal(values, expected.channels[name], err_msg=name)

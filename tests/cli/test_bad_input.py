@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.write import write_recording
 from tests.cli.running import heli3dof
+from tests.flown import flown
 
 RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"
 GRID = 360 / 4096
@@ -175,7 +175,7 @@ def test_a_file_that_is_not_a_model_exits_with_5(tmp_path: Path) -> None:
 
 @cache
 def flown_step() -> Recording:
-    return fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max", seed=1300).recording
+    return flown(step_plan((5.0, None, None)), device="mock:?speed=max", seed=1300)
 
 
 def recording(path: Path, **geometry: float) -> Path:

@@ -14,7 +14,6 @@ from heli3dof.cli.diagnose import rig_to_fly
 from heli3dof.cli.inputs import load_all
 from heli3dof.cli.output import Output
 from heli3dof.diagnosis import diagnose as module
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.paper.models import load_model
 from heli3dof.recording.logs.export import export
@@ -212,7 +211,7 @@ def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_
 def test_swapped_columns_that_look_like_a_wrong_unit_are_named(
     tmp_path: Path,
 ) -> None:
-    r = fly_plan(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1202).recording
+    r = flown(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1202)
     roll, pitch, yaw = np.degrees(r.angle).T
     log = tmp_path / "log.csv"
     # Roll and yaw: what then is called roll moves 1/20 as far as its voltages explain.

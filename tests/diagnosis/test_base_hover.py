@@ -13,7 +13,6 @@ from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.search.catalogue import candidates
 from heli3dof.errors import UsageError
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.model.base import Model
 from heli3dof.model.model_file import save_model
@@ -123,7 +122,7 @@ def test_the_extended_model_predicts_the_same_after_saving_and_loading(
 @pytest.mark.accuracy
 def test_geometry_is_not_identifiable_in_a_flight_close_to_level() -> None:
     device = "mock:?speed=max&seed=1311&spread=0.07&start=level"
-    small = fly_plan(step_plan((2.0, None, None)), device=device, seed=1311).recording
+    small = flown(step_plan((2.0, None, None)), device=device, seed=1311)
     result = diagnose(small, quick=True, base="hover")
     assert "geometry" not in names(result)
     assert "geometry" in result.not_identifiable

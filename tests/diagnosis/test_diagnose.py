@@ -15,7 +15,6 @@ from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.result import Dropped
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, step_plan
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
@@ -25,7 +24,7 @@ from tests.hidden.rig_cases import draw_on_other_rig
 
 def flight(plan: Plan, hide: str, seed: int) -> Recording:
     device = f"mock:?speed=max&hide={hide}&seed={seed}&spread=0.07"
-    return fly_plan(plan, device=device, seed=seed).recording
+    return flown(plan, device=device, seed=seed)
 
 
 def test_a_step_flight_of_the_unmodified_rig_has_no_finding() -> None:

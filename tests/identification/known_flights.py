@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, plan_from_dict
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import default_profile
-from tests.flown import first_part
+from tests.flown import flown
 
 PARAMETERS = {
     "motor.lag.time_constant_s": 0.1,
@@ -64,8 +63,9 @@ def fly(
 
     original, mock.MockRig = mock.MockRig, Remembered  # type: ignore[misc]
     try:
-        flight = fly_plan(
-            wanted if until_s is None else first_part(wanted, until_s),
+        recording = flown(
+            wanted,
+            until_s,
             device=f"mock:?hide={hide}&seed={seed}&speed=max&noise={noise}&spread={spread}"
             f"&start={start}",
             seed=seed,
@@ -80,7 +80,6 @@ def fly(
     for name, value in PARAMETERS.items():
         truth[name] = value if name.startswith("motor.") else value / gain
     truth |= {f"bias.torque.{a}.torque_Nm": 0.0 for a in ("pitch", "yaw")}
-    recording = flight.recording if until_s is None else flight.recording.between(0.0, until_s)
     return Flight(recording, truth, np.append(noise * TORQUE_NOISE / J, 0.0))
 
 

@@ -10,9 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 HIDDEN = (
     "motor.lag:0.1,stiffness.pendulum.roll:0.9,stiffness.pendulum.pitch:0.02,"
@@ -25,9 +24,7 @@ PLANS = ("multisine", "steps", "large")
 def mock_flight(plan: str, seed: int, *, noise: float = 1.0) -> Recording:
     """A whole flight of a named plan, from the table and back, on the rig of `HIDDEN`."""
     device = f"mock:?speed=max&seed={seed}&noise={noise:g}&hide={HIDDEN}"
-    flight = fly_plan(load_plan(plan), device=device, seed=seed, meta={"name": f"{plan}-{seed}"})
-    flight.raise_if_cut_short()
-    return flight.recording
+    return flown(plan, device=device, seed=seed, meta={"name": f"{plan}-{seed}"})
 
 
 def truth_replay(plan: str, seed: int, start: int) -> np.ndarray:

@@ -9,17 +9,15 @@ from functools import lru_cache
 
 import pytest
 
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
+from tests.flown import flown
 
 
 @lru_cache(maxsize=4)
 def fitted(name: str, size: float, seed: int = 1021, until_s: float = 40.0) -> Estimate:
     device = f"mock:?speed=max&seed={seed}&hide={name}:{size:g}"
-    flight = fly_plan(load_plan("rich"), device=device, seed=seed)
-    return fit_greybox(flight.recording.between(0, until_s), (name,))
+    return fit_greybox(flown("rich", until_s, device=device, seed=seed), (name,))
 
 
 @pytest.mark.accuracy

@@ -8,11 +8,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.integrity import Fault, Kind, integrity
 from heli3dof.recording.recording import Recording
-from tests.flown import first_part
+from tests.flown import first_part, flown
 
 Change = Callable[[Recording], Recording]
 STOPPING = (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE)
@@ -31,9 +30,8 @@ def flight(
 @lru_cache(maxsize=40)
 def _flown(plan: str, hide: str, seed: int, until_s: float) -> Recording:
     whole = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
-    chosen = first_part(whole, until_s)
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
-    return fly_plan(chosen, device=device, seed=seed).recording
+    return flown(first_part(whole, until_s), device=device, seed=seed)
 
 
 def names(recording: Recording, *kinds: str) -> set[str]:

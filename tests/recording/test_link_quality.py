@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.identify import identify
 from heli3dof.recording.link_quality import LOSS_SHARE, link_warnings
+from tests.flown import flown
 
 DT = 2e-3
 GOOD: dict[str, Any] = {
@@ -72,7 +71,7 @@ def test_a_rejected_sample_gives_a_warning() -> None:
 
 @pytest.mark.accuracy
 def test_a_loss_without_a_warning_hardly_moves_the_estimates() -> None:
-    whole = fly_plan(load_plan("rich"), device="mock:?speed=max&seed=1").recording
+    whole = flown("rich", device="mock:?speed=max&seed=1")
     drawn = np.random.default_rng(1).permutation(len(whole))
     thinned = whole.rows(np.sort(drawn[: round((1 - LOSS_SHARE) * len(whole))]))
     a, b = (identify(r).found.parameters for r in (whole, thinned))

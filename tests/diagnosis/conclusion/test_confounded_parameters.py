@@ -25,12 +25,12 @@ from heli3dof.diagnosis.conclusion.confounded_parameters import (
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.search.steps import Step, screening_step
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term
 from heli3dof.rig.profile import default_profile
+from tests.flown import flown
 
 SLOW = "disturbance.periodic.roll:0.12@0.366"
 HEAVY = "inertia.roll:1.6"
@@ -144,8 +144,8 @@ def test_the_last_step_with_the_same_causes_is_used() -> None:
 def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
     """Return the screen of a 10° step in roll."""
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
-    flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
-    setup = Setup((flown,), seed, 6)
+    flight = flown(step_plan((10.0, None, None)), device=device, seed=seed)
+    setup = Setup((flight,), seed, 6)
     return setup, screening_step(setup, fit_base(setup), 16)
 
 

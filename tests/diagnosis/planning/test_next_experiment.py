@@ -19,20 +19,19 @@ from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.catalogue import Probe, candidates
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.errors import UsageError
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import term
+from tests.flown import flown
 
 
 @pytest.fixture(scope="module")
 def base() -> Estimate:
     """Base fit to the steps plan, on a rig with Coulomb friction that the model lacks."""
     device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
-    flown = fly_plan(load_plan("steps"), device=device, seed=1231).recording
-    return fit_base(Setup((flown,), seed=0, flights_per_round=2))
+    recording = flown("steps", device=device, seed=1231)
+    return fit_base(Setup((recording,), seed=0, flights_per_round=2))
 
 
 def test_the_doctests_pass() -> None:

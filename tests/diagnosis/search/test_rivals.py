@@ -14,13 +14,13 @@ from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.rivals import compared_by_simulation, least_odds, odds, rivals
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.search.steps import screening_step
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
+from tests.flown import flown
 
 
-def flown(m0: float, m1: float, s: float) -> np.ndarray:
+def likelihoods(m0: float, m1: float, s: float) -> np.ndarray:
     """Return ℓ (2, 4, 2) of two rivals' flights; ℓ_1 − ℓ_0 has means m0, m1 and deviation s."""
     out = np.zeros((2, 4, 2))
     out[0, :, 1] = m0 + s * np.array([-1, -1, 1, 1]) * np.sqrt(3) / 2
@@ -30,7 +30,7 @@ def flown(m0: float, m1: float, s: float) -> np.ndarray:
 
 def test_the_rival_whose_flights_match_the_recording_is_likelier() -> None:
     # By hand: s = 5 √(5/4); the recording's 10 is the second rival's mean, 30 above the first's.
-    W = odds(np.array([0.0, 10.0]), flown(-20.0, 10.0, 5.0))
+    W = odds(np.array([0.0, 10.0]), likelihoods(-20.0, 10.0, 5.0))
     by_hand = 2 * (t.logpdf(0, 3) - t.logpdf(30 / (5 * np.sqrt(1.25)), 3))
     assert W[1, 0] == pytest.approx(by_hand)
     assert W[0, 1] == -W[1, 0]
@@ -39,7 +39,7 @@ def test_the_rival_whose_flights_match_the_recording_is_likelier() -> None:
 
 def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None:
     # Flights of both rivals are likelier under the second by 50, and so is the recording.
-    W = odds(np.array([0.0, 50.0]), flown(50.0, 50.0, 5.0))
+    W = odds(np.array([0.0, 50.0]), likelihoods(50.0, 50.0, 5.0))
     assert W[1, 0] == pytest.approx(0.0)
 
 
@@ -97,7 +97,7 @@ def test_a_rival_that_cannot_be_simulated_is_not_the_cause(monkeypatch: pytest.M
 @pytest.mark.accuracy
 def test_in_a_single_step_a_lag_is_named_or_confounded() -> None:
     device = "mock:?speed=max&seed=8400&hide=motor.lag:0.03"
-    flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=8400).recording
+    flight = flown(step_plan((10.0, None, None)), device=device, seed=8400)
     setup = Setup((flight,), 0, 6)
     made = screening_step(setup, fit_base(setup), 16).chosen(setup, None).choice
     assert made is not None

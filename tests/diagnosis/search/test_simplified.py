@@ -17,23 +17,22 @@ from heli3dof.diagnosis.search.catalogue import candidates
 from heli3dof.diagnosis.search.nulls import Nulls
 from heli3dof.diagnosis.search.select import best_choice
 from heli3dof.diagnosis.search.steps import is_significant_form
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.effects import term
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
 from heli3dof.report.text import diagnosis_sentences as words
+from tests.flown import flown
 
 WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 
 
-def flown(*terms: str, seed: int, **values: float) -> Recording:
+def simulated(*terms: str, seed: int, **values: float) -> Recording:
     """Return the rich plan, simulated by these equations with a third of the mock's noise."""
-    mock = fly_plan(load_plan("rich"), device=f"mock:?speed=max&seed={seed}", seed=seed)
-    model = nominal(mock.recording.profile, terms, **values)
+    mock = flown("rich", device=f"mock:?speed=max&seed={seed}", seed=seed)
+    model = nominal(mock.profile, terms, **values)
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
-    return simulated_flight(model, mock.recording, np.random.default_rng(seed))
+    return simulated_flight(model, mock, np.random.default_rng(seed))
 
 
 def names(result: Diagnosis) -> list[str]:
@@ -42,7 +41,7 @@ def names(result: Diagnosis) -> list[str]:
 
 @pytest.fixture(scope="module")
 def simplified() -> Diagnosis:
-    return diagnose(flown(*WRITTEN, seed=1811), quick=True)
+    return diagnose(simulated(*WRITTEN, seed=1811), quick=True)
 
 
 def test_a_rig_with_simplified_equations_has_no_finding(simplified: Diagnosis) -> None:
@@ -73,7 +72,9 @@ def test_the_base_uses_the_same_equations_and_nothing_is_gained(simplified: Diag
 @pytest.mark.accuracy
 def test_a_cause_in_such_a_rig_is_the_only_finding() -> None:
     hidden = {"stiffness.pendulum.pitch.torque_Nm": 0.03}
-    result = diagnose(flown(*WRITTEN, "stiffness.pendulum.pitch", seed=1812, **hidden), quick=True)
+    result = diagnose(
+        simulated(*WRITTEN, "stiffness.pendulum.pitch", seed=1812, **hidden), quick=True
+    )
     assert names(result) == ["stiffness.pendulum.pitch"]
     value, std = result.findings[0].values["torque_Nm"]
     assert abs(value - 0.03) < 3 * std < 0.01
@@ -81,7 +82,7 @@ def test_a_cause_in_such_a_rig_is_the_only_finding() -> None:
 
 @pytest.mark.accuracy
 def test_a_rigid_body_is_not_reported_as_simplified() -> None:
-    result = diagnose(flown(seed=1813), quick=True)
+    result = diagnose(simulated(seed=1813), quick=True)
     assert result.verdict == "nothing_found"
     assert result.about["written"] == []
 

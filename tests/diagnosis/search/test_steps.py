@@ -15,7 +15,6 @@ from heli3dof.diagnosis.search import select
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.search.steps import Step, bias_corrected, with_rivals_that_remain
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
@@ -55,7 +54,7 @@ def test_with_its_cause_a_fit_on_a_limit_cycle_has_the_rig_s_roll_inertia() -> N
 def test_a_delay_is_found_although_its_full_fit_cannot_be_simulated() -> None:
     """The full fit has a tenth of the yaw inertia. The correction starts again without that."""
     device = "mock:?speed=max&noise=0.3&hide=motor.delay:0.05"
-    flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=2952).recording
+    flight = flown(step_plan((10.0, None, None)), device=device, seed=2952)
     (cause,) = diagnose(flight).findings
     assert cause.term.name == "motor.delay"
     delay_s, std = cause.values["delay_s"]

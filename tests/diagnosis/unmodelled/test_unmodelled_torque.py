@@ -23,8 +23,6 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     split_off_slow_noise,
     with_time_first,
 )
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -88,7 +86,7 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
 def test_a_formula_shows_a_torque_where_nothing_can_be_simulated() -> None:
     """In a whole flight: the threshold of a shorter one is higher, for its blocks are fewer."""
     device = "mock:?speed=max&hide=other.yaw_torque_from_pitch_rate:0.1"
-    recording = fly_plan(load_plan("rich"), device=device, seed=1201).recording
+    recording = flown("rich", device=device, seed=1201)
     x = evidence_without_nulls(corrected(recording))
     assert significant_formula(x) == ("yaw", "pitch_rate")
 

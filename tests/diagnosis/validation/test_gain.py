@@ -29,7 +29,6 @@ from heli3dof.diagnosis.validation.simulation_error import (
     floor_deg,
     simulation_error,
 )
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
@@ -161,7 +160,7 @@ def test_without_the_only_step_an_inertia_stays_near_its_prior(
     base: Estimate,
 ) -> None:
     """The rest is a hold, whose score of J_roll has little information; b is its scatter."""
-    step = fly_plan(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1213).recording
+    step = flown(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1213)
     runs = usable_runs(step, 0)
     problem = ProfileLikelihood(data_of([step], runs), base.problem.structure)
     fit = estimate(problem)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.search.steps import fit_with_cause, screening_step
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction import correction
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
@@ -141,7 +140,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     profile = profile_from_dict(table)
     device = "mock:?speed=max&start=level&seed=1421&hide=bias.torque.pitch:0.03"
     plan = step_plan((10.0, None, None), settle_s=5.0, duration_s=10.0)
-    recording = fly_plan(plan, device=device, profile=profile, seed=1421).recording
+    recording = flown(plan, device=device, profile=profile, seed=1421)
     problem = ProfileLikelihood(
         data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
     )

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction import corrected_maximum
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
@@ -20,6 +19,7 @@ from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.linearisation import balance
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
+from tests.flown import flown
 
 NOISE = np.array(NOISE_START)
 
@@ -27,7 +27,7 @@ NOISE = np.array(NOISE_START)
 @pytest.fixture(scope="module")
 def problem() -> Likelihood:
     plan = step_plan((10.0, None, None), settle_s=2.0, duration_s=18.0)
-    flight = fly_plan(plan, device="mock:?speed=max&start=level", seed=5).recording
+    flight = flown(plan, device="mock:?speed=max&start=level", seed=5)
     structure = Structure(flight.profile, terms(["friction.viscous.roll", "friction.coulomb.roll"]))
     return Likelihood(data_of([flight], usable_runs(flight, 0)), structure)
 

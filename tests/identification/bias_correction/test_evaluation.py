@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import NoiseScoreBias
 from heli3dof.identification.bias_correction.evaluation import evaluate
@@ -13,13 +12,14 @@ from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
+from tests.flown import flown
 
 
 @pytest.fixture(scope="module")
 def problem() -> ProfileLikelihood:
-    flight = fly_plan(
+    flight = flown(
         step_plan((10, None, 20), settle_s=4, duration_s=3), device="mock:?speed=max", seed=1203
-    ).recording
+    )
     data = data_of([flight], usable_runs(flight, 0))
     return ProfileLikelihood(data, Structure(flight.profile, ()))
 

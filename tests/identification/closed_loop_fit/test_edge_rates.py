@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -35,8 +34,8 @@ DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
 
 @pytest.fixture(scope="module")
 def fitted() -> tuple[Setup, CorrectedFit]:
-    flown = fly_plan(step_plan((10.0, None, None)), device=DEVICE, seed=1022).recording
-    setup = Setup((flown,), seed=0, flights_per_round=6)
+    whole = flown(step_plan((10.0, None, None)), device=DEVICE, seed=1022)
+    setup = Setup((whole,), seed=0, flights_per_round=6)
     return setup, fit_base(setup)
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import MAX_INFLATION, CorrectedFit
 from heli3dof.identification.closed_loop_fit.identify_correction import (
@@ -29,7 +28,7 @@ J_ROLL = 0.914455
 @pytest.fixture(scope="module")
 def step() -> Recording:
     plan = step_plan((10.0, None, None))
-    return fly_plan(plan, device="mock:?speed=max", seed=33).recording
+    return flown(plan, device="mock:?speed=max", seed=33)
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from scipy.stats import t as student
 import heli3dof as h3
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 from heli3dof.rig.profile import default_profile
+from tests.flown import flown
 from tests.paths import REAL_DATA, needs_real_data
 
 STEP = default_profile().encoder.rad_per_count
@@ -87,7 +88,7 @@ def test_a_rig_at_rest_gives_no_jitter() -> None:
 )
 def test_no_emulated_effect_looks_like_jitter(hide: str) -> None:
     device = f"mock:?speed=max&hide={hide}"
-    r = h3.fly_plan(h3.load_plan("rich"), device=device, seed=1).recording
+    r = flown("rich", device=device, seed=1)
     assert not motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count).is_significant
 
 
