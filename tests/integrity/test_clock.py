@@ -80,7 +80,7 @@ def test_rows_without_numbers_are_lost_samples() -> None:
 
 
 def test_a_hole_is_a_note_and_no_share_of_lost_samples() -> None:
-    r = flight()
+    r = flight(rate_hz=500.0)
     cut = r.rows((r.t < 20.0) | (r.t >= 36.0))
     (note,) = integrity(cut)
     assert (note.check, note.kind, note.effect) == ("timing.hole", Kind.NOTE, None)
