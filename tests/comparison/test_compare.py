@@ -89,7 +89,7 @@ def test_an_unknown_controller_gives_predictions_and_no_replay() -> None:
 
 
 def test_a_controller_identified_from_the_log_replays_as_the_true_one_does() -> None:
-    recording = flown("steps", 45.0, device="mock:?speed=max&start=level", seed=3)
+    recording = flown("steps", 25.0, device="mock:?speed=max&start=level", seed=3)
     model = nominal(recording.profile, ())
     logs = (recording, without_controller(recording))
     known, identified = (compare([r], [model], identify_controller=True) for r in logs)

@@ -12,26 +12,33 @@ from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.integrity import Fault, Kind, integrity
 from heli3dof.recording.recording import Recording
 from tests.flown import first_part, flown
+from tests.profiles import profile
 
 Change = Callable[[Recording], Recording]
 STOPPING = (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE)
 
 
 def flight(
-    plan: str = "rich", hide: str = "", seed: int = 1201, until_s: float = 45.0
+    plan: str = "rich",
+    hide: str = "",
+    seed: int = 1201,
+    until_s: float = 45.0,
+    rate_hz: float = 250.0,
 ) -> Recording:
     """Return a flight from the table and back; ``run-step`` is a 10° step in roll.
 
     ``until_s``: a longer plan ends there, and the rig lands from there.
     """
-    return _flown(plan, hide, seed, until_s)  # one form of the arguments for the cache
+    return _flown(plan, hide, seed, until_s, rate_hz)  # one form of the arguments for the cache
 
 
 @lru_cache(maxsize=40)
-def _flown(plan: str, hide: str, seed: int, until_s: float) -> Recording:
+def _flown(plan: str, hide: str, seed: int, until_s: float, rate_hz: float) -> Recording:
     whole = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
-    return flown(first_part(whole, until_s), device=device, seed=seed)
+    return flown(
+        first_part(whole, until_s), device=device, seed=seed, profile=profile(rate_hz=rate_hz)
+    )
 
 
 def names(recording: Recording, *kinds: str) -> set[str]:

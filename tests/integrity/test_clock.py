@@ -88,7 +88,7 @@ def test_the_remedy_of_gaps_in_a_log_assumes_neither_a_port_nor_a_held_voltage()
 
 
 def test_a_hole_is_a_note_and_no_share_of_lost_samples() -> None:
-    r = flight()
+    r = flight(rate_hz=500.0)
     cut = r.rows((r.t < 20.0) | (r.t >= 36.0))
     (note,) = integrity(cut)
     assert (note.check, note.kind, note.effect) == ("timing.hole", Kind.NOTE, None)

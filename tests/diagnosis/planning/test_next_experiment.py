@@ -28,9 +28,9 @@ from tests.flown import flown
 
 @pytest.fixture(scope="module")
 def base() -> Estimate:
-    """Base fit to the steps plan, on a rig with Coulomb friction that the model lacks."""
+    """Base fit to 30 s of the steps plan, on a rig with Coulomb friction that the model lacks."""
     device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
-    recording = flown("steps", device=device, seed=1231)
+    recording = flown("steps", 30.0, device=device, seed=1231)
     return fit_base(Setup((recording,), seed=0, flights_per_round=2))
 
 

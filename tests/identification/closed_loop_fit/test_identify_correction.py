@@ -20,6 +20,7 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import load_profile
 from tests.flown import flown
 from tests.paths import REAL_DATA, needs_real_data
+from tests.profiles import profile
 
 J_ROLL = 0.914455
 """kg·m² of the emulated rig: its masses and lengths are those of the paper's Table I"""
@@ -27,8 +28,8 @@ J_ROLL = 0.914455
 
 @pytest.fixture(scope="module")
 def step() -> Recording:
-    plan = step_plan((10.0, None, None))
-    return flown(plan, device="mock:?speed=max", seed=33)
+    plan = step_plan((10.0, None, None), duration_s=26.0)
+    return flown(plan, device="mock:?speed=max", seed=33, profile=profile(rate_hz=250.0))
 
 
 @pytest.fixture(scope="module")
