@@ -98,7 +98,8 @@ def test_a_rig_is_zeroed_and_examined(env: Mapping[str, str]) -> None:
 def test_a_flight_is_identified_and_diagnosed(env: Mapping[str, str], tmp_path: Path) -> None:
     path, plan = tmp_path / "flight.mcap", tmp_path / "plan.toml"
     plan.write_text(PLAN, encoding="utf-8")
-    words = (plan, "--device", "mock:?speed=max")
+    profile = write_profile(tmp_path / "rig.toml", rate_hz=250.0)
+    words = (plan, "--device", "mock:?speed=max", "--profile", profile)
     assert document(env, "run", *words, "-o", path)["outcome"] == "completed"
     assert document(env, "identify", path, "-o", tmp_path / "model.json")["models"]
     result = document(env, "diagnose", "--quick", path, "-o", tmp_path / "extended.json")

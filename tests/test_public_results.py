@@ -14,13 +14,14 @@ from heli3dof.errors import UsageError
 from heli3dof.integrity import Fault, Kind
 from heli3dof.model.greybox.model import nominal
 from tests.flown import flown
+from tests.profiles import profile
 
 DEVICE = "mock:?speed=max&hide=motor.lag:0.1"
 
 
 @pytest.fixture(scope="module")
 def recording() -> h3.Recording:
-    return flown("rich", 30.0, device=DEVICE, seed=1)
+    return flown("rich", 30.0, device=DEVICE, seed=1, profile=profile(rate_hz=250.0))
 
 
 @pytest.fixture(scope="module")

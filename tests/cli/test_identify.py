@@ -212,7 +212,7 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(diagnosing, "QUICK", diagnosing.Effort(6, 8, 3, 6))
-    monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 30.0))
+    monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 20.0))
     result = heli3dof("demo", "--json")
     assert result.code == 0, result.err
     document = json.loads(result.out)

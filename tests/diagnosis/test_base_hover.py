@@ -22,6 +22,7 @@ from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Result, heli3dof
 from tests.flown import flown
+from tests.profiles import profile
 
 
 def names(result: Diagnosis) -> list[str]:
@@ -31,7 +32,7 @@ def names(result: Diagnosis) -> list[str]:
 @pytest.fixture(scope="module")
 def flight() -> Recording:
     device = "mock:?speed=max&seed=1301&spread=0.07"
-    return flown("rich", 30.0, device=device, seed=1301)
+    return flown("rich", 30.0, device=device, seed=1301, profile=profile(rate_hz=250.0))
 
 
 @pytest.fixture(scope="module")

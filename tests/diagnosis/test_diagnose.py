@@ -20,11 +20,12 @@ from heli3dof.recording.recording import Recording
 from tests.flown import flown
 from tests.hidden.cases import blind
 from tests.hidden.rig_cases import draw_on_other_rig
+from tests.profiles import profile
 
 
 def flight(plan: Plan, hide: str, seed: int) -> Recording:
     device = f"mock:?speed=max&hide={hide}&seed={seed}&spread=0.07"
-    return flown(plan, device=device, seed=seed)
+    return flown(plan, device=device, seed=seed, profile=profile(rate_hz=250.0))
 
 
 def test_a_step_flight_of_the_unmodified_rig_has_no_finding() -> None:

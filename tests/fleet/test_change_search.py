@@ -27,9 +27,8 @@ def noise(seed: int, n: int = N) -> np.ndarray:
 @pytest.mark.parametrize(
     ("flights", "scatter"),
     [
-        (8, 0.0), (8, 2.0), (20, 0.0), (50, 2.0),
-        pytest.param(20, 2.0, marks=pytest.mark.accuracy),
-        pytest.param(50, 0.0, marks=pytest.mark.accuracy),
+        (8, 0.0), (8, 2.0),
+        *(pytest.param(n, s, marks=pytest.mark.accuracy) for n in (20, 50) for s in (0.0, 2.0)),
     ],
 )  # fmt: skip
 def test_at_most_one_rig_term_in_100_without_a_change_has_a_report(flights, scatter) -> None:
@@ -37,7 +36,10 @@ def test_at_most_one_rig_term_in_100_without_a_change_has_a_report(flights, scat
     assert false_alarms(flights, scatter, seed=flights) <= 0.01 * TERMS
 
 
-@pytest.mark.parametrize(("spread", "odd"), [(0.0, 1.0), (0.3, 1.0), (0.0, 4.0)])
+@pytest.mark.parametrize(
+    ("spread", "odd"),
+    [pytest.param(0.0, 1.0, marks=pytest.mark.accuracy), (0.3, 1.0), (0.0, 4.0)],
+)
 def test_the_siblings_scale_causes_no_false_alarms(spread, odd) -> None:
     """8 flights; ``odd``: one rig of each room scatters four times as much as its siblings."""
     assert false_alarms_in_rooms(8, spread, odd, seed=10) <= 0.01 * TERMS

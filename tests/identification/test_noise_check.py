@@ -67,7 +67,7 @@ def test_a_second_of_flight_is_too_short_for_the_check(rig_b: Recording) -> None
 
 
 def test_the_result_names_the_method_that_fitted(rig_b: Recording) -> None:
-    result = h3.identify(rig_b)
+    result = h3.identify(rig_b.between(0.0, 15.0))
     assert result.method == "freeflight"
     assert result.to_dict()["method"] == "freeflight"
     assert result.model.name == "freeflight"

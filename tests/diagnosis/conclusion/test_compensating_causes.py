@@ -46,6 +46,7 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import default_profile
 from tests.flown import flown
+from tests.profiles import profile
 
 BACKLASH = "encoder.backlash.roll"
 
@@ -53,7 +54,7 @@ BACKLASH = "encoder.backlash.roll"
 def product(plan: str, seed: int, until_s: float = 90.0) -> Recording:
     """k V_f V_b on pitch: about hover a thrust mismatch and a constant torque."""
     device = "mock:?speed=max&hide=other.pitch_torque_from_voltage_product:0.0006"
-    return flown(plan, until_s, device=device, seed=seed)
+    return flown(plan, until_s, device=device, seed=seed, profile=profile(rate_hz=250.0))
 
 
 def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
@@ -179,7 +180,7 @@ SETUP = Setup((), seed=0, flights_per_round=6)
 @cache
 def fitted(hide: str, causes: tuple[str, ...], seed: int) -> CorrectedFit:
     device = f"mock:?speed=max&hide={hide}"
-    recording = flown("rich", 40.0, device=device, seed=seed)
+    recording = flown("rich", 40.0, device=device, seed=seed, profile=profile(rate_hz=250.0))
     fit = fit_greybox(recording, causes)
     return CorrectedFit(fit.problem, fit.optimum)
 

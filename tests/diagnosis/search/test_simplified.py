@@ -23,13 +23,15 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
 from heli3dof.report.text import diagnosis_sentences as words
 from tests.flown import flown
+from tests.profiles import profile
 
 WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 
 
 def simulated(*terms: str, seed: int, **values: float) -> Recording:
     """Return the rich plan, simulated by these equations with a third of the mock's noise."""
-    mock = flown("rich", device=f"mock:?speed=max&seed={seed}", seed=seed)
+    device = f"mock:?speed=max&seed={seed}"
+    mock = flown("rich", device=device, seed=seed, profile=profile(rate_hz=250.0))
     model = nominal(mock.profile, terms, **values)
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
     return simulated_flight(model, mock, np.random.default_rng(seed))

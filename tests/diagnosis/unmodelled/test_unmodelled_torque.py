@@ -31,11 +31,12 @@ from heli3dof.model.effects.empirical import KNOTS
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
+from tests.profiles import profile
 
 
 def flight(seed: int, hide: str = "") -> Recording:
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
-    return flown("rich", 40.0, device=device, seed=seed)
+    return flown("rich", 40.0, device=device, seed=seed, profile=profile(rate_hz=250.0))
 
 
 def corrected(recording: Recording) -> CorrectedFit:
@@ -86,7 +87,7 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
 def test_a_formula_shows_a_torque_where_nothing_can_be_simulated() -> None:
     """In a whole flight: the threshold of a shorter one is higher, for its blocks are fewer."""
     device = "mock:?speed=max&hide=other.yaw_torque_from_pitch_rate:0.1"
-    recording = flown("rich", device=device, seed=1201)
+    recording = flown("rich", device=device, seed=1201, profile=profile(rate_hz=250.0))
     x = evidence_without_nulls(corrected(recording))
     assert significant_formula(x) == ("yaw", "pitch_rate")
 

@@ -44,13 +44,14 @@ from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.replayed_flight import replayed
 from heli3dof.report.figures.worst_stretch import worst_stretch
 from tests.flown import flown
+from tests.profiles import profile
 
 HIDDEN = "friction.viscous.yaw"
 
 
 def flight(seed: int, plan: str = "rich", until_s: float = 90.0) -> Recording:
     device = f"mock:?speed=max&hide={HIDDEN}:0.05"
-    return flown(plan, until_s, device=device, seed=seed)
+    return flown(plan, until_s, device=device, seed=seed, profile=profile(rate_hz=250.0))
 
 
 @pytest.fixture(scope="module")
@@ -98,12 +99,12 @@ def test_a_gain_in_one_cell_with_losses_in_others_does_not_pay() -> None:
 
 def test_training_rows_keep_the_purge_distance_from_the_block_left_out(base: Estimate) -> None:
     d = base.problem.data
-    a, b = 5000, 8000
+    a, b = 2500, 4000
     kept = np.zeros(len(d.t), dtype=bool)
     for lead, start, stop in training(d, (a, b)).blocks:
         kept[start:stop] = True
         assert lead <= start
-    purge = round(PURGE_S / 0.002)
+    purge = round(PURGE_S / 0.004)
     assert not kept[a - purge : b + purge].any()
     assert kept[a - purge - 1]
     assert kept[b + purge]

@@ -27,6 +27,7 @@ from heli3dof.model.estimation.filter_data import RowRange, data_of
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.flown import flown
+from tests.profiles import profile
 
 MODULE = "heli3dof.identification.closed_loop_fit.edge_rates"
 DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
@@ -34,7 +35,8 @@ DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
 
 @pytest.fixture(scope="module")
 def fitted() -> tuple[Setup, CorrectedFit]:
-    whole = flown(step_plan((10.0, None, None)), device=DEVICE, seed=1022)
+    rig = profile(rate_hz=250.0)
+    whole = flown(step_plan((10.0, None, None)), device=DEVICE, seed=1022, profile=rig)
     setup = Setup((whole,), seed=0, flights_per_round=6)
     return setup, fit_base(setup)
 
