@@ -49,7 +49,7 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
     from tests.identification.known_flights import fly
 
     seed, plan, noise = job
-    flight = fly(seed, plan, noise=noise)
+    flight = fly(seed, plan, noise=noise, rate_hz=500.0)
     result = fit_greybox(flight.recording)
     problem = result.problem
     truth = problem.scaled(np.array([flight.truth[f.name] for f in result.free]))
@@ -85,7 +85,9 @@ def one_replay(seed: int) -> np.ndarray:
     from tests.identification.known_flights import HIDDEN, fly
 
     def flown(seed: int, noise: float = 1.0) -> Any:
-        return fly(seed, "multisine", spread=0.0, hide=HIDDEN + REPLAYED, noise=noise).recording
+        return fly(
+            seed, "multisine", spread=0.0, hide=HIDDEN + REPLAYED, noise=noise, rate_hz=500.0
+        ).recording
 
     model = model_of(fit_greybox(flown(seed)), [], "greybox")
     other = under_control(flown(seed + 100))
@@ -109,7 +111,7 @@ def one_step(seed: int) -> np.ndarray:
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
 
-    flight = fly(seed, step_plan((10.0, None, None)), hide="")
+    flight = fly(seed, step_plan((10.0, None, None)), hide="", rate_hz=500.0)
     plain = fit_greybox(flight.recording)
     truth = np.array([flight.truth[f.name] for f in plain.free[:4]])
     fits = (plain, without_bias(plain, [flight.recording]))
@@ -122,7 +124,7 @@ def one_start(seed: int) -> float:
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
 
-    result = fit_greybox(fly(seed, "multisine").recording)
+    result = fit_greybox(fly(seed, "multisine", rate_hz=500.0).recording)
     rng = np.random.default_rng(seed)
     theta = result.problem.prior_mean.copy()
     for j, f in enumerate(result.free):
@@ -143,7 +145,7 @@ def fit_seconds() -> float:
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly, long_plan
 
-    recording = fly(1, long_plan()).recording
+    recording = fly(1, long_plan(), rate_hz=500.0).recording
     fit_greybox(recording)
     start = time.process_time()
     result = fit_greybox(recording)

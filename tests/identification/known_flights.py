@@ -16,6 +16,7 @@ from heli3dof.experiment.plan import Plan, load_plan, plan_from_dict
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import default_profile
 from tests.flown import flown
+from tests.profiles import profile
 
 PARAMETERS = {
     "motor.lag.time_constant_s": 0.1,
@@ -49,6 +50,7 @@ def fly(
     hide: str = HIDDEN,
     start: str = "rest",
     until_s: float | None = None,
+    rate_hz: float = 250.0,
 ) -> Flight:
     """One flight; the seed determines all noise. ``until_s``: only the first part of the plan."""
     from heli3dof_drivers import mock
@@ -69,6 +71,7 @@ def fly(
             device=f"mock:?hide={hide}&seed={seed}&speed=max&noise={noise}&spread={spread}"
             f"&start={start}",
             seed=seed,
+            profile=profile(rate_hz=rate_hz),
         )
     finally:
         mock.MockRig = original  # type: ignore[misc]

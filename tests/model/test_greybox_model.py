@@ -27,7 +27,7 @@ PROFILE = default_profile()
 
 @pytest.fixture(scope="module")
 def still() -> object:
-    return fly(1, "steps", noise=0.0, spread=0.0).recording
+    return fly(1, "steps", noise=0.0, spread=0.0, rate_hz=500.0).recording
 
 
 def true_model() -> GreyBoxModel:

@@ -22,7 +22,8 @@ CABLE, NAMES = "stiffness.cable.yaw", ("stiffness.pendulum.roll", "friction.visc
 @pytest.fixture(scope="module")
 def lacking() -> MultiStepFit:
     """A fit without the cable that acts in this flight; no list of usual effects has a cable."""
-    problem = problem_of([fly(1022, "rich", hide=f"{CABLE}:0.5", until_s=45.0).recording], NAMES)
+    flight = fly(1022, "rich", hide=f"{CABLE}:0.5", until_s=45.0, rate_hz=500.0)
+    problem = problem_of([flight.recording], NAMES)
     return search(problem, weak_start(problem), stages_s=(STAGE_S,))
 
 

@@ -104,7 +104,7 @@ def test_if_the_search_from_the_matched_noise_diverges_the_fit_is_still_correcte
 ) -> None:
     """The noise matched to this flight's pitch is 14 times too small. Without a correction the
     pitch inertia is 0.57 of the true one."""
-    flight = fly(1, step_plan((10.0, None, None)), hide="")
+    flight = fly(1, step_plan((10.0, None, None)), hide="", rate_hz=500.0)
     starts: list[bool] = []
     corrected_from = correction.corrected_from
 
