@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.search.catalogue import Probe
-from heli3dof.identification.bias_correction.evaluation import Evaluation
+from heli3dof.identification.bias_correction.evaluation import Evaluation, efficient_score
 from heli3dof.identification.bias_correction.perturbation import (
     MOVES_THRUST,
     backward,
@@ -114,17 +114,9 @@ class Screen:
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
         """Return the scores of all trial effects and of all scans over frequencies or instants.
 
-        ``prior``: whether the score of the fit's own parameters includes the prior. It does for the
-        recordings, and does not for null simulations.
+        ``prior``: as in `efficient_score`.
         """
-        problem = self.problem
-        g = evaluation.g
-        if prior:
-            g = g - problem.prior_precision * (self.theta - problem.prior_mean)
-        A = evaluation.H + np.diag(problem.prior_precision)
-        newton_step = np.linalg.solve(A, g)
-        # q·δc is the efficient score of any trace δc.
-        q = evaluation.at.g - evaluation.at.w * (newton_step @ evaluation.T)
+        q = efficient_score(self.problem, self.theta, evaluation, prior=prior)
         L, mu, z0 = backward(evaluation.path, q[None])
         u = np.zeros(len(self.plain))
         for rows, a, m, m0 in self._changes(evaluation):

@@ -111,6 +111,19 @@ def evaluate(
     return replace(result, slope=(up - down) / (2 * PROBE), curvature=curvature)
 
 
+def efficient_score(
+    problem: Likelihood, theta: np.ndarray, e: Evaluation, *, prior: bool
+) -> np.ndarray:
+    """Return q (E,): q·δc is the score of a change δc (E,) of the predicted readings.
+
+    The parameters ``theta`` (n,) are projected out. ``prior``: whether their own score includes the
+    prior. It does for the recordings, and does not for null simulations.
+    """
+    g = e.g - problem.prior_precision * (theta - problem.prior_mean) if prior else e.g
+    newton_step = np.linalg.solve(e.H + np.diag(problem.prior_precision), g)
+    return np.asarray(e.at.g - e.at.w * (newton_step @ e.T))
+
+
 def fixed_parameters(problem: Likelihood) -> np.ndarray:
     """Return (n,) bool: True for the parameters in `SCANNED`, which no search changes."""
     return np.array([f.name in SCANNED for f in problem.structure.free])

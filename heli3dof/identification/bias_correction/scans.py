@@ -26,7 +26,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
+from heli3dof.identification.bias_correction.evaluation import (
+    Evaluation,
+    efficient_score,
+    evaluate,
+)
 from heli3dof.identification.bias_correction.perturbation import backward, forcing, forward
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term, term
@@ -201,8 +205,7 @@ def likeliest_instant(
     """
     e = evaluate(problem, theta, noise, with_noise_derivatives=False)
     A = e.H + np.diag(problem.prior_precision)
-    g = e.g - problem.prior_precision * (theta - problem.prior_mean)
-    L, _, _ = backward(e.path, (e.at.g - e.at.w * (np.linalg.solve(A, g) @ e.T))[None])
+    L, _, _ = backward(e.path, efficient_score(problem, theta, e, prior=True)[None])
     unit = unit_acceleration(e, problem.structure, problem.values(theta), t)
     scan = Instants(t)
     return scan.peak(e, L[0], unit, scan.information(e, unit, A))[1]
