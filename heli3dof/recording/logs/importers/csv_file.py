@@ -82,8 +82,9 @@ def read(
 
     values = _fast(body, separator, names)
     if values is None:
-        body, numbers = _whole_lines(path, body, numbers, separator, names, warnings)
-        values = _exact(path, body, numbers, separator, names, warnings)
+        rows = [_cells(line, separator) for line in body]
+        rows, numbers = _complete(path, rows, numbers, separator, names, warnings)
+        values = _exact(path, rows, numbers, names, warnings)
     return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings, notes=notes)
 
 
@@ -214,47 +215,39 @@ def _units(body: list[str], separator: str, count: int) -> list[str]:
     return units if _mostly_numbers(_cells(body[1], separator)) else []
 
 
-def _whole_lines(
-    path: Path,
-    body: list[str],
-    numbers: list[int],
-    separator: str,
-    names: list[str],
+def _complete(
+    path: Path, rows: list[list[str]], numbers: list[int], separator: str, names: list[str],
     warnings: list[str],
-) -> tuple[list[str], list[int]]:
-    """Return lines and line numbers without the lines whose number of cells is not the header's.
+) -> tuple[list[list[str]], list[int]]:  # fmt: skip
+    """Return the rows that have a cell for each of the ``names``, and their line numbers.
 
-    Raises RecordingError if they are more than `LOST_LINES`. Other arguments: see `_exact`.
+    ``rows``: the cells of each line; ``numbers``: the lines' numbers. The other rows are lost
+    samples, which a text in ``warnings`` counts. Raises RecordingError if their share exceeds
+    `LOST_LINES`.
     """
-    wrong = [k for k, line in enumerate(body) if len(_cells(line, separator)) != len(names)]
+    wrong = [k for k, row in enumerate(rows) if len(row) != len(names)]
     if not wrong:
-        return body, numbers
+        return rows, numbers
     first = numbers[wrong[0]]
-    if len(wrong) > LOST_LINES * len(body):
-        raise _ragged(path, first, _cells(body[wrong[0]], separator), names, separator)
+    if len(wrong) > LOST_LINES * len(rows):
+        raise _ragged(path, first, rows[wrong[0]], names, separator)
     warnings.append(
-        f"{len(wrong)} of {len(body)} lines do not have {len(names)} cells and were left out as "
+        f"{len(wrong)} of {len(rows)} lines do not have {len(names)} cells and were left out as "
         f"lost samples; the first is line {first}."
     )
-    kept = np.delete(np.arange(len(body)), wrong)
-    return [body[k] for k in kept], [numbers[k] for k in kept]
+    kept = np.delete(np.arange(len(rows)), wrong)
+    return [rows[k] for k in kept], [numbers[k] for k in kept]
 
 
 def _exact(
-    path: Path,
-    body: list[str],
-    numbers: list[int],
-    separator: str,
-    names: list[str],
-    warnings: list[str],
+    path: Path, rows: list[list[str]], numbers: list[int], names: list[str], warnings: list[str]
 ) -> dict[str, np.ndarray]:
     """Return the log's columns, parsed cell by cell. An empty cell becomes NaN.
 
     Text in a column with an unknown name removes that column with a warning. Text in another column
-    raises RecordingError. ``numbers``: the line numbers of ``body``. Warnings are appended to
-    ``warnings``.
+    raises RecordingError. ``rows``: the cells of each line; ``numbers``: the lines' numbers.
+    Warnings are appended to ``warnings``.
     """
-    rows = [_cells(line, separator) for line in body]
     columns: dict[str, np.ndarray] = {}
     for i, name in enumerate(names):
         values = np.full(len(rows), np.nan)
