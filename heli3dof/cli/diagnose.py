@@ -96,7 +96,9 @@ def diagnose(
         if result.fitted is not None:
             data = model_bytes(result.fitted.model)
             path = output or default_output(name, force=force, data=data)
-            written = str(write_file(path, data, force=force or output is None))
+            if output is not None or force or not path.exists():  # else it holds the same model
+                write_file(path, data, force=force)
+            written = str(path)
             if not quick:
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)

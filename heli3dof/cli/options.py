@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,25 +14,23 @@ if TYPE_CHECKING:
     from heli3dof.cli.output import Output
     from heli3dof.rig.profile import Profile
 
+
+def _device(help: str) -> Any:
+    return typer.Option(
+        "--device",
+        metavar="URL",
+        envvar=DEVICE_VARIABLE,
+        autocompletion=completion.devices,
+        help=help,
+    )
+
+
 Device = Annotated[
     str,
-    typer.Option(
-        "--device",
-        metavar="URL",
-        envvar=DEVICE_VARIABLE,
-        autocompletion=completion.devices,
-        help="The rig, e.g. mock:?seed=1 or serial:///dev/ttyACM0; heli3dof devices lists them.",
-    ),
+    _device("The rig, e.g. mock:?seed=1 or serial:///dev/ttyACM0; heli3dof devices lists them."),
 ]
 AnyDevice = Annotated[
-    str | None,
-    typer.Option(
-        "--device",
-        metavar="URL",
-        envvar=DEVICE_VARIABLE,
-        autocompletion=completion.devices,
-        help="The rig; default: the only one found, else the emulated one.",
-    ),
+    str | None, _device("The rig; default: the only one found, else the emulated one.")
 ]
 ProfileFile = Annotated[
     Path | None,

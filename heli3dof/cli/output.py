@@ -189,10 +189,9 @@ def verb(function: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(fault.exit_code) from error
 
     _, *parameters = inspect.signature(function, eval_str=True).parameters.values()
-    common = inspect.signature(_common_options, eval_str=True).parameters.values()
     last = [p for p in parameters if p.name == "verbose"]
     others = [p for p in parameters if p.name != "verbose"]
-    run.__signature__ = inspect.Signature([*others, *common, *last])  # type: ignore[attr-defined]
+    run.__signature__ = inspect.Signature([*others, *COMMON, *last])  # type: ignore[attr-defined]
     return run
 
 
@@ -216,6 +215,9 @@ def add_family(
 
 def _common_options(as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Define the options ``--json`` and ``--quiet``, which `verb` adds to a subcommand."""
+
+
+COMMON = tuple(inspect.signature(_common_options, eval_str=True).parameters.values())
 
 
 def _explain_os_error(error: OSError) -> Heli3dofError | None:
