@@ -30,7 +30,7 @@ LOGGED = (
 FLOWN = (
     "the link dropped samples, or the disk was too slow; the voltage was held meanwhile.",
     "use another cable or port, or a faster disk; heli3dof run-step --roll 5 reports how many "
-    "periods were late or missed",
+    "periods were late or skipped",
 )
 """Cause and remedy for a log of another program, and for a recording of heli3dof"""
 

@@ -42,8 +42,10 @@ def zero(view: View) -> Iterable[Fault]:
     if abs(start) > NEAR or roll.min() < start - NEAR or len(raised) < 0.5 * len(roll):
         return
     hover = float(np.median(raised))
+    if hover < SHARE * abs(rest):
+        return
     response = view.responses.get("roll")
-    if hover < SHARE * abs(rest) or (response and response.level_rad < 0.5 * abs(rest)):
+    if response is not None and response.level_rad < 0.5 * abs(rest):
         return
     size = np.degrees(start - rest)
     yield Fault(
