@@ -17,8 +17,8 @@ Here the two are ``overshoot_deg`` and ``peak_deg``.
 
 Kinds of segment:
 
-``step``     the reference changes at its start; y_a is the previous set value. A ramp, as behind a
-             rate limiter, is a part of its step, which starts with the ramp.
+``step``     the reference changes at its start; y_a is the previous set value. If a rate limiter
+             makes the change a ramp, the segment starts where the ramp starts.
 ``start``    the first segment, if the angle starts more than `MIN_STEP_DEG` from its set value; y_a
              is the first angle.
 ``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest

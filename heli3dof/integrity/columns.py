@@ -97,7 +97,11 @@ def is_consistent(x: Response) -> bool:
 
 
 def inconsistent(responses: dict[str, Response]) -> set[str]:
-    """Return the driven axes whose response has an implausible size or explains little motion."""
+    """Return the axes whose measured motion does not fit the motion that the voltages predict.
+
+    The measured motion is of implausible size, or the prediction explains little of its variance.
+    Axes that the voltages hardly drive are left out.
+    """
     driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
     return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
 

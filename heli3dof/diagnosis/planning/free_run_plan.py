@@ -48,7 +48,7 @@ from heli3dof.parallel import parallel_map
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """The parameter that represents an undecided term in the comparison of plans.
+    """The parameter of a term on which the planned flight should decide.
 
     It is the term's first parameter that all recordings share and that has no logarithmic scale.
 

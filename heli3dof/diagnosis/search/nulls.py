@@ -65,7 +65,10 @@ GUMBEL_FROM = 30
 
 @dataclass(frozen=True, eq=False)
 class Nulls:
-    """Distribution of the P scores without any effect, from B simulated flights or by formula."""
+    """Distribution of the scores of P trial effects in flights without any effect.
+
+    It is estimated from B simulated flights or, if none could be simulated, given by a formula.
+    """
 
     mean: np.ndarray
     std: np.ndarray

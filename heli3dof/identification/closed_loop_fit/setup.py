@@ -1,4 +1,4 @@
-"""The settings of a fit that simulates flights: recordings, seed, flights, base simulation."""
+"""Settings of a fit that simulates flights, such as the recordings and the random seed."""
 
 from __future__ import annotations
 
