@@ -18,6 +18,7 @@ from heli3dof.recording.atomic_write import unused
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.flown import first_part
+from tests.profiles import profile as profile_at
 
 TRAIN = [r.path for r in references() if r.use == "identify"]
 TEST = [r.path for r in references() if r.use == "compare"]
@@ -211,8 +212,10 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    at_250_hz = profile_at(rate_hz=250.0)
     monkeypatch.setattr(diagnosing, "QUICK", diagnosing.Effort(6, 8, 3, 6))
-    monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 20.0))
+    monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 28.0))
+    monkeypatch.setattr("heli3dof.rig.profile.default_profile", lambda: at_250_hz)
     result = heli3dof("demo", "--json")
     assert result.code == 0, result.err
     document = json.loads(result.out)

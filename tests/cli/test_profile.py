@@ -219,11 +219,12 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Resul
     """A rig with 20 % less thrust and 0.15 N·m more weight than in its profile, diagnosed before
     and after an update of the profile."""
     folder = tmp_path_factory.mktemp("update")
-    believed = write(folder / "rig.toml", limits={"landing_s": 0.5})
+    slow = {"rate_hz": 250.0}
+    believed = write(folder / "rig.toml", limits={"landing_s": 0.5}, loop=slow)
     T_g = default_profile().trim_torque
     K_f = 0.8 * default_profile().motor.K_f
     V_o = T_g / (2 * default_profile().geometry.L_a * K_f)
-    write(folder / "truth.toml", motor={"K_f": K_f, "V_o": V_o})
+    write(folder / "truth.toml", motor={"K_f": K_f, "V_o": V_o}, loop=slow)
     device = f"mock:?speed=max&profile={folder / 'truth.toml'}&hide=mass.imbalance:0.15"
 
     def diagnosed(profile: Path, name: str, seed: int) -> Result:

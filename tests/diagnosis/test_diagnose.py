@@ -53,7 +53,8 @@ def test_a_search_whose_causes_are_dropped_restarts_without_them(
 ) -> None:
     """If it then finds nothing, the result is the base fit. A fit with causes has a wider prior of
     implausible inertias, which must not outlive them."""
-    recording = flown("rich", 20.0, device="mock:?speed=max&hide=stiffness.cable.yaw:0.3", seed=2)
+    device = "mock:?speed=max&hide=stiffness.cable.yaw:0.3"
+    recording = flown("rich", 20.0, device=device, seed=2, profile=profile(rate_hz=250.0))
     searches = list[list[str]]()
 
     def drop_all(fit: Any, choices: Sequence[Any], held: Any, *, seed: int) -> Any:

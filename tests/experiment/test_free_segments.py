@@ -15,6 +15,7 @@ from heli3dof.model.linear.hover import hover_model
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.profile import default_profile
+from tests.profiles import profile
 
 PROFILE = default_profile()
 J_ROLL = 0.9144546227  # Table I
@@ -45,7 +46,7 @@ def free(r: Recording, axis: int) -> tuple[np.ndarray, np.ndarray]:
 )
 def test_flights_complete_and_their_recording_obeys_the_control_law(plan: str, hide: str) -> None:
     device = f"mock:?speed=max&spread=0.07&hide={hide}"
-    flight = fly_plan(load_plan(plan), device=device, seed=1215)
+    flight = fly_plan(load_plan(plan), device=device, seed=1215, profile=profile(rate_hz=250.0))
     assert flight.outcome.ending == "completed"
     r = flight.recording
     flown = np.flatnonzero(r.channels["phase"] == CLOSED_LOOP)
@@ -82,7 +83,8 @@ def test_viscous_friction_slows_a_coasting_yaw_exponentially() -> None:
 
 
 def test_without_stiffness_the_loop_closes_before_the_envelope() -> None:
-    flight = fly_plan(load_plan("ring-down"), device="mock:?speed=max", seed=1216)
+    slow = profile(rate_hz=250.0)
+    flight = fly_plan(load_plan("ring-down"), device="mock:?speed=max", seed=1216, profile=slow)
     assert flight.outcome.ending == "completed"
     after = flight.recording.t > 12.0
     assert np.degrees(flight.recording.angle[after, 0].max()) < 30.0

@@ -182,7 +182,9 @@ def drawn_from_the_prior(n: int, many: int, seed: int) -> Iterator[Drawn]:
         yield kind, model, size, change_posterior(y, s, t, PRIOR)
 
 
-@pytest.fixture(scope="module", params=[8, 20, pytest.param(60, marks=pytest.mark.accuracy)])
+@pytest.fixture(
+    scope="module", params=[8, *(pytest.param(n, marks=pytest.mark.accuracy) for n in (20, 60))]
+)
 def drawn(request) -> list[Drawn]:
     return list(drawn_from_the_prior(request.param, 1500, seed=request.param))
 

@@ -33,7 +33,7 @@ def swapped(r: Recording, a: int, b: int) -> Recording:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("plan", ["rich", "steps", "run-step"])
+@pytest.mark.parametrize("plan", ["rich", "run-step"])
 @pytest.mark.parametrize(
     ("a", "b"),
     [(0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (1, 4), (2, 4), (0, 5), (0, 6), (3, 6), (5, 6)],

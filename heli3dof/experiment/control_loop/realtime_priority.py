@@ -83,6 +83,7 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
     The calling thread gets the SCHED_FIFO ``priority`` (1 to 99).
     """
     with ExitStack() as undo:
+        gc.collect()
         quiet_interpreter(undo)
         scheduling, memory = _scheduling(undo, priority), _memory(undo)
         scheduled = scheduling.good is True
@@ -101,7 +102,6 @@ def quiet_interpreter(undo: ExitStack) -> None:
     undo.callback(sys.setswitchinterval, sys.getswitchinterval())
     if gc.isenabled():
         undo.callback(gc.enable)
-    gc.collect()
     gc.disable()
     sys.setswitchinterval(SWITCH_S)
 

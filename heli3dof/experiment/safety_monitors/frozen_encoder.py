@@ -195,8 +195,7 @@ class _Axis:
         self._observer = AxisObserver(BANDWIDTH[i])
         self._q, self._most, self._f_min = q, most, F_MIN[i]
         self._moving, self._rate_error = MOVING * q, RATE_ERROR[i] * q
-        self._by_direction = self._by_turns = most
-        self._friction = most
+        self._by_turns = most
         self._peak = self._peak_now = 0.0
         """rad/s²: largest deviation of the unmodelled acceleration from b until the last change of
         the count (`_peak`), and since then (`_peak_now`)"""
@@ -242,7 +241,7 @@ class _Axis:
         self._centre = self._bias
         self._mean = 0.0
         self._peak, self._peak_now = max(self._peak, self._peak_now), 0.0
-        self._held = self._friction
+        self._friction = self._estimated_friction()
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
         """Update the state of roll by a sample, taken while the arm is near its rest angle.
@@ -281,7 +280,8 @@ class _Axis:
             drive = alpha - self._mean
         else:
             drive = alpha + self._centre
-        friction = max(self._held, self._peak) + MISMATCH * abs(drive)
+        friction = self._friction if self._friction > self._peak else self._peak
+        friction += MISMATCH * abs(drive)
         rate = self._rate
         if rate > 0.0:
             rate = max(0.0, rate + (drive - friction) * h)
@@ -292,9 +292,10 @@ class _Axis:
         elif drive < -friction:
             rate = (drive + friction) * h
         self._rate = rate
-        self.moved += rate * h
-        if abs(self.moved) > self._swing:
-            self._swing = abs(self.moved)
+        if rate:
+            self.moved += rate * h
+            if abs(self.moved) > self._swing:
+                self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
         """Update the estimates of mean unmodelled acceleration b and of friction F.
@@ -303,17 +304,24 @@ class _Axis:
         the ``unmodelled`` acceleration at this sample (rad/s²).
         """
         self._bias_s += h
-        self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
-        self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))
+        over_s = self._bias_s if self._bias_s < BIAS_S else BIAS_S
+        self._bias += (unmodelled - self._bias) * h / over_s
+        deviation = abs(unmodelled - self._bias)
+        if deviation > self._peak_now:
+            self._peak_now = deviation
         if abs(rate) > self._moving:
             up = 1 if rate > 0 else 0
             self._direction[up] += unmodelled * h
             self._direction_s[up] += h
-            down_s, up_s = self._direction_s
-            if down_s > KNOWN_S and up_s > KNOWN_S:
-                f0 = 0.5 * (self._direction[0] / down_s - self._direction[1] / up_s)
-                self._by_direction = self._f_min + 3.0 * abs(f0)
-                self._friction = min(self._most, self._by_direction, self._by_turns)
+
+    def _estimated_friction(self) -> float:
+        """Return F in rad/s² from the motion so far."""
+        friction = min(self._most, self._by_turns)
+        down_s, up_s = self._direction_s
+        if down_s > KNOWN_S and up_s > KNOWN_S:
+            f0 = 0.5 * (self._direction[0] / down_s - self._direction[1] / up_s)
+            friction = min(friction, self._f_min + 3.0 * abs(f0))
+        return friction
 
     def _range_of_drive(self, h: float, alpha: float) -> None:
         self._sum += alpha * h
@@ -343,7 +351,6 @@ class _Axis:
                 self._smallest[-1] = change
                 self._smallest.sort()
                 self._by_turns = max(self._f_min, self._smallest[-1])
-                self._friction = min(self._most, self._by_direction, self._by_turns)
             self._largest = max(0.98 * self._largest, self._swing)
             self.clearance = max(CLEARANCE, 2.0 * self._largest + 3 * self._q)
             self._low = self._high = self._last_mean

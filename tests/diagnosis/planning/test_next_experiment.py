@@ -24,13 +24,14 @@ from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import term
 from tests.flown import flown
+from tests.profiles import profile
 
 
 @pytest.fixture(scope="module")
 def base() -> Estimate:
-    """Base fit to 30 s of the steps plan, on a rig with Coulomb friction that the model lacks."""
+    """Base fit to 30 s of the steps plan at 250 Hz. Its model lacks the rig's Coulomb friction."""
     device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
-    recording = flown("steps", 30.0, device=device, seed=1231)
+    recording = flown("steps", 30.0, device=device, seed=1231, profile=profile(rate_hz=250.0))
     return fit_base(Setup((recording,), seed=0, flights_per_round=2))
 
 

@@ -19,13 +19,14 @@ from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from tests.flown import flown
+from tests.profiles import profile
 
 
 @cache
 def base(hide: str, seed: int) -> Estimate:
     """The base model, without backlash, fitted to 30 s."""
     url = f"mock:?speed=max&seed={seed}&hide={hide}"
-    r = flown("rich", 30.0, device=url, seed=seed)
+    r = flown("rich", 30.0, device=url, seed=seed, profile=profile(rate_hz=250.0))
     return estimate(ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ())))
 
 

@@ -29,9 +29,9 @@ WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 
 
 def simulated(*terms: str, seed: int, **values: float) -> Recording:
-    """Return the rich plan, simulated by these equations with a third of the mock's noise."""
+    """Simulate 45 s of the rich plan by these equations, with a third of the mock's noise."""
     device = f"mock:?speed=max&seed={seed}"
-    mock = flown("rich", device=device, seed=seed, profile=profile(rate_hz=250.0))
+    mock = flown("rich", 45.0, device=device, seed=seed, profile=profile(rate_hz=250.0))
     model = nominal(mock.profile, terms, **values)
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
     return simulated_flight(model, mock, np.random.default_rng(seed))

@@ -8,6 +8,7 @@ import pytest
 from heli3dof.diagnosis.validation.simulation_error import coloured_variance, simulation_error
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from tests.flown import flown
+from tests.profiles import profile
 
 PITCH = 1
 
@@ -17,7 +18,7 @@ def test_a_true_model_s_error_is_the_noise_floor_whatever_the_noise_s_correlatio
     noise_s: float, white_share: float
 ) -> None:
     device = f"mock:?speed=max&start=level&seed=1911&noise_s={noise_s}"
-    flight = flown("rich", 40.0, device=device, seed=1911)
+    flight = flown("rich", 40.0, device=device, seed=1911, profile=profile(rate_hz=250.0))
     model = model_of(fit_greybox(flight, ()), [flight], "fitted")
     rmse, floor = simulation_error(model, [flight]).at(1.0, "pitch")
     assert floor == pytest.approx(rmse, rel=0.2)

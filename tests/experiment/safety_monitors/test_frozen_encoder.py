@@ -174,7 +174,7 @@ def test_a_roll_that_does_not_fall_without_thrust_is_reported() -> None:
 
 @pytest.mark.parametrize(("axis", "within_s"), [("pitch", 10.0), ("yaw", 30.0)])
 def test_an_encoder_that_freezes_in_a_calm_hover_is_reported(axis: str, within_s: float) -> None:
-    outcome = hover(60.0 + within_s, 1, f"&fault=frozen.{axis}@60")
+    outcome = hover(30.0 + within_s, 1, f"&fault=frozen.{axis}@30")
     assert outcome.ending == "tripped"
     assert f"the {axis} encoder" in outcome.detail
 

@@ -22,6 +22,7 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import load_profile
 from tests.flown import flown
 from tests.paths import REAL_DATA, needs_real_data
+from tests.profiles import profile
 
 
 def without_controller(r: Recording) -> Recording:
@@ -30,7 +31,8 @@ def without_controller(r: Recording) -> Recording:
 
 @pytest.fixture(scope="module")
 def steps() -> Recording:
-    return flown("steps", 45.0, device="mock:?speed=max&start=level", seed=3)
+    rig = profile(rate_hz=250.0)
+    return flown("steps", 45.0, device="mock:?speed=max&start=level", seed=3, profile=rig)
 
 
 def test_the_doctests_pass() -> None:
