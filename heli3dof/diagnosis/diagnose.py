@@ -10,7 +10,9 @@ The gain of a cause is the decrease of the prediction error if the model contain
 4. Gain: causes that do not improve the prediction of held-out data are dropped. If all are dropped,
    step 3 is repeated without them.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
-   dropped (`conclusion.compensating_causes`).
+   dropped (`conclusion.compensating_causes`). The model is extended by a term for each torque
+   (`conclusion.torque_terms`). Then steps 3 to 5 are repeated with these terms, as long as a
+   further cause is adopted.
 """
 
 from __future__ import annotations
@@ -21,7 +23,10 @@ from typing import NamedTuple
 
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted, fitted
-from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
+from heli3dof.diagnosis.conclusion.compensating_causes import (
+    marked_unconfirmed,
+    search_residual_torques,
+)
 from heli3dof.diagnosis.conclusion.confounded_parameters import (
     ROLL_OFFSET,
     last_step_with_causes,
@@ -31,7 +36,7 @@ from heli3dof.diagnosis.conclusion.doubtful_findings import (
     marked_if_doubtful,
     with_segment_ties,
 )
-from heli3dof.diagnosis.conclusion.torque_terms import with_torques
+from heli3dof.diagnosis.conclusion.torque_terms import with_sizes, with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
 from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.constants import MAX_CAUSES
@@ -42,6 +47,7 @@ from heli3dof.diagnosis.free_run.diagnose_free_run import (
     no_likelihood,
 )
 from heli3dof.diagnosis.result import Diagnosis, Dropped
+from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.search.steps import (
     Step,
     base_with_forms,
@@ -136,18 +142,29 @@ def _diagnosed(
     setup = Setup(tuple(train), seed, effort.correction, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
     base_fit = fit_base(setup)
-    steps, settled = search_causes(setup, base_fit, held, effort, clock)
+    steps, settled = search_causes(setup, base_fit, (), held, effort, clock)
     first = steps[0]
-    clock.start("left", "Searching for unmodelled effects …")
-    settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
-    findings = marked_if_doubtful(with_segment_ties(settled.findings), setup)
-    settled = replace(settled, findings=findings)
-    if settled.residual_torques:
-        clock.start("torque terms", "Extending the model by the unmodelled torque …")
-    extended = with_torques(setup, settled, held)
+    while True:
+        clock.start("left", "Searching for unmodelled effects …")
+        settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
+        terms = len(settled.modelled_torques)
+        if len(settled.residual_torques) > terms:
+            clock.start("torque terms", "Extending the model by the unmodelled torque …")
+            settled = with_torques(setup, settled, held)
+        if len(settled.modelled_torques) == terms or not settled.is_decided:
+            break
+        causes = settled.choices
+        further, again = search_causes(setup, settled.fit, causes, held, effort, clock)
+        steps += further
+        settled = settled.with_causes_of(again)
+        if {c.term.name for c in settled.choices} <= {c.term.name for c in causes}:
+            break
+    settled = with_sizes(settled)
+    findings = marked_unconfirmed(with_segment_ties(settled.findings), settled.fit)
+    settled = replace(settled, findings=marked_if_doubtful(findings, setup))
     clock.start("gain", "Measuring the gain on held-out data …")
     base_fit = base_with_forms(base_fit, settled.fit)
-    result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
+    result = fitted(base_fit, settled, train, held, seed=seed)
     if result.predicts_worse and can_be_fitted(train):
         return without_likelihood(PREDICTS_WORSE)
     clock.start("off", "Comparing the calibration with the profile …")
@@ -163,8 +180,8 @@ def _diagnosed(
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
     without_verdict = Diagnosis(
-        *names, "", faults, result, extended.findings, off, extended.dropped,
-        residual_torques=extended.residual_torques, slow_noise=extended.slow_noise, about=about,
+        *names, "", faults, result, settled.findings, off, settled.dropped,
+        residual_torques=settled.residual_torques, slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(
@@ -173,36 +190,42 @@ def _diagnosed(
 
 
 def search_causes(
-    setup: Setup, base: CorrectedFit, holdout: Sequence[Recording], effort: Effort,
-    clock: StageClock,
+    setup: Setup, start: CorrectedFit, earlier: Sequence[Choice], holdout: Sequence[Recording],
+    effort: Effort, clock: StageClock,
 ) -> tuple[list[Step], AdoptionResult]:  # fmt: skip
-    """Return all steps of forward selection, and which of the causes found are adopted.
+    """Return all steps of forward selection, and which causes are adopted.
 
-    If all causes are dropped, effects that they seemed to explain may remain unexplained. So the
-    search is repeated without the dropped causes, until a cause is adopted or none is found.
+    The search begins at the fit ``start``, which contains the ``earlier`` causes. They are tested
+    again, together with the causes found. If all causes are dropped, effects that they seemed to
+    explain may remain unexplained. So the search is repeated without the dropped causes, until a
+    cause is adopted or none is found.
     """
     steps, dropped = list[Step](), list[Dropped]()
     while True:
-        search, fit = forward_selection(setup, base, effort, clock)
+        search, fit = forward_selection(setup, start, earlier, effort, clock)
         steps += search
         choices = [s.choice for s in search if s.choice is not None]
-        causes = [c for c in choices if not c.term.effect.formal]
+        found = [c for c in choices if not c.term.effect.formal]
         clock.start("gain", "Testing the candidates on held-out data …")
-        settled = adopted(fit, causes, holdout, seed=setup.seed)
+        settled = adopted(fit, [*earlier, *found], holdout, seed=setup.seed)
         dropped += settled.dropped
-        if settled.findings or not settled.dropped:
+        if settled.findings or not found:
             return steps, replace(settled, dropped=tuple(dropped))
         setup = replace(setup, refuted=tuple(d.name for d in dropped))
 
 
 def forward_selection(
-    setup: Setup, base: CorrectedFit, effort: Effort, clock: StageClock
+    setup: Setup, start: CorrectedFit, earlier: Sequence[Choice], effort: Effort, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Return (steps of forward selection, final fit); the last step may have found no effect."""
-    fit, steps = base, list[Step]()
+    """Return (steps of forward selection, final fit); the last step may have found no effect.
+
+    The fit ``start`` contains the ``earlier`` causes.
+    """
+    fit, steps = start, list[Step]()
     # An inertia off nominal counts as an earlier cause (rule 4 of `search.select`).
-    inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
-    score, remaining = max(inertias, default=None), MAX_CAUSES
+    scores = [o.flight_score for o in off_nominal(start) if o.term.effect.name == "inertia"]
+    scores += [c.score for c in earlier if c.candidates[0].probe is not None]
+    score, remaining = max(scores, default=None), MAX_CAUSES - len(earlier)
     while remaining:
         n = effort.later_nulls if steps else effort.nulls
         nulls = f"against {n} null simulations" if fit.is_corrected else "every candidate"

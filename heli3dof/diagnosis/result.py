@@ -85,7 +85,7 @@ class Fitted:
 
     base: CorrectedFit | None
     final: CorrectedFit | None
-    """Fits of the base simulation, and of the model with the causes; None without a likelihood"""
+    """Fits of the base simulation and of the extended model; None without a likelihood"""
     model: GreyBoxModel
     gain: Gain
     """Gain of the extended model over the refitted base simulation"""
@@ -97,7 +97,7 @@ class Fitted:
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
-    """The base parameters of the fit with the causes"""
+    """The base parameters of the extended model"""
     open: UndecidedTerms | None = None
     """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
 

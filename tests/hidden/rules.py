@@ -122,11 +122,6 @@ RULES = (
         _argument(0),
     ),
     Rule(
-        "a residual torque is like a name",
-        DIAGNOSIS + "conclusion.compensating_causes:with_resemblance",
-        lambda rule, left, names: tuple(left),
-    ),
-    Rule(
         "pieces of the flight must agree",
         DIAGNOSIS + "conclusion.doubtful_findings:with_segment_ties",
         _argument(0),

@@ -69,7 +69,7 @@ from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, gain_interva
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
 from heli3dof.identification.greybox.method import model_of
-from heli3dof.identification.greybox.thrust_scale import thrust_scale
+from heli3dof.identification.greybox.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
@@ -101,6 +101,30 @@ class AdoptionResult:
     """Torques that depend on time only"""
     is_decided: bool = True
     """False if neither causes nor base parameters are certain"""
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """Return the steps of the search that found the adopted causes."""
+        return tuple(f.choice for f in self.findings)
+
+    @property
+    def modelled_torques(self) -> tuple[ResidualTorque, ...]:
+        """Return the residual torques for which the fit has a term."""
+        return tuple(t for t in self.residual_torques if t.term is not None)
+
+    def with_causes_of(self, other: AdoptionResult) -> AdoptionResult:
+        """Return ``other`` with the residual torques of this result, and with its dropped causes.
+
+        A dropped cause is left out if ``other`` compared it with an adopted one, or dropped it too.
+        """
+        compared = {c.term.name for choice in other.choices for c in choice.candidates}
+        compared |= {d.name for d in other.dropped}
+        return replace(
+            other,
+            dropped=(*(d for d in self.dropped if d.name not in compared), *other.dropped),
+            residual_torques=self.residual_torques,
+            slow_noise=self.slow_noise,
+        )
 
 
 def adopted(
@@ -227,21 +251,21 @@ def is_significant_gain(g: Gain) -> bool:
 
 
 def fitted(
-    base: CorrectedFit, fit: CorrectedFit, extended: CorrectedFit, after: HeldOut,
+    base: CorrectedFit, result: AdoptionResult,
     train: Sequence[Recording], holdout: Sequence[Recording], *, seed: int,
 ) -> Fitted:  # fmt: skip
     """Return the base simulation and the extended model, with their prediction errors.
 
-    ``fit`` contains the causes, ``extended`` also the unmodelled torques. ``after``: results of
-    ``extended`` on held-out data.
+    The extended model has the fit of ``result``: causes, and terms of unmodelled torques.
     """
-    model = model_of(extended, train, "extended")
-    at = model_at(extended.problem, extended.optimum.theta, extended.optimum.noise)
+    fit, after = result.fit, result.after
+    model = model_of(fit, train, "extended")
+    at = model_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
     nominal_model = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
     # With the base fit's noise, the error on a rig with these numbers is the noise floor.
     nominal_model = replace(nominal_model, noise=base.optimum.noise[:3])
 
-    before = after if extended is base else held_out(base, holdout)
+    before = after if fit is base else held_out(base, holdout)
     uncalibrated = held_out(base, holdout, base.problem.scaled(base.structure.values_of({})))
     wrong = simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
     return Fitted(
@@ -260,12 +284,22 @@ def _findings(
     formal = [t.name for t in fit.structure.formal]
     choices = without_mutual_ties(choices, formal)
     return tuple(
-        Finding(
-            replace(c, confidence=min(c.confidence, size_confidence(fit, c.term.name))),
-            with_positive_torque(in_SI(fit, scale, c.term.name)), g, w.optimum.noise,
-        )
+        with_size(Finding(c, {}, g, w.optimum.noise), fit, scale)
         for c, w, g in zip(choices, reduced, gains, strict=True)
-    )  # fmt: skip
+    )
+
+
+def with_size(finding: Finding, fit: CorrectedFit, scale: ThrustScale) -> Finding:
+    """Return the finding with its size in ``fit``, which limits the confidence in it.
+
+    ``scale`` converts values in units of the thrust gain K_f to SI.
+    """
+    name, c = finding.term.name, finding.choice
+    return replace(
+        finding,
+        choice=replace(c, confidence=min(c.confidence, size_confidence(fit, name))),
+        values=with_positive_torque(in_SI(fit, scale, name)),
+    )
 
 
 def size_confidence(fit: CorrectedFit, name: str) -> float:

@@ -75,11 +75,12 @@ def search_residual_torques(
 ) -> AdoptionResult:
     """Search the fit of ``start`` for residual torques; drop causes that only compensate for them.
 
-    ``flights``: number of flights simulated without residual torque, per search.
+    The torques found are added to those of ``start``, whose terms its fit contains. ``flights``:
+    number of flights simulated without residual torque, per search.
     """
     if not start.fit.is_corrected:  # a cause that is now dropped may have prevented simulation
         start = _without(setup, start, (), holdout)
-    now, removed, proven = start, list[Finding](), None
+    now, proven = start, None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
@@ -93,34 +94,26 @@ def search_residual_torques(
         won = replaced_by_formula(setup, now.fit, causes, holdout)
         if won is None:
             break
-        names, proven = won.causes, won.formula.location
+        proven = won.formula.location
         first = left if first is None else first
-        removed += [f for f in now.findings if f.term.name in names]
-        now = _without(setup, now, names, holdout)
+        now = _without(setup, now, won.causes, holdout)
     if first is not None and not left:
-        return _undecided(start, first, removed)
-    return replace(
-        now,
-        findings=marked_unconfirmed(now.findings, now.fit),
-        residual_torques=with_resemblance(left, removed),
-        slow_noise=slow_noise,
-    )
+        return _undecided(start, first)
+    torques = (*start.modelled_torques, *left)
+    return replace(now, residual_torques=torques, slow_noise=slow_noise)
 
 
-def _undecided(
-    start: AdoptionResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
-) -> AdoptionResult:
+def _undecided(start: AdoptionResult, left: tuple[ResidualTorque, ...]) -> AdoptionResult:
     """Return ``start`` with all causes unconfirmed, and with the residual torques ``left``.
 
     The search found ``left`` before it removed any cause. A formula explained the flight better
-    than the causes ``removed``, but in the model without these causes no residual torque is
+    than the removed causes, but in the model without these causes no residual torque is
     significant. So all causes and torques are uncertain.
     """
-    findings = tuple(replace(f, unconfirmed=True) for f in start.findings)
     return replace(
         start,
-        findings=findings,
-        residual_torques=with_resemblance(left, removed),
+        findings=tuple(replace(f, unconfirmed=True) for f in start.findings),
+        residual_torques=(*start.modelled_torques, *left),
         is_decided=False,
     )
 
@@ -147,14 +140,16 @@ def _without(
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings, with their attribute ``unconfirmed`` set.
+    """Return the findings; some of them are marked as unconfirmed ("…-like").
 
-    A finding is unconfirmed if its size in ``fit`` is `insignificant`, or if it does not
-    significantly increase the likelihood of held-out data.
+    These have a size that is `insignificant` in ``fit``, or they do not significantly increase the
+    likelihood of held-out data.
     """
     small = insignificant(fit)
     return tuple(
-        replace(f, unconfirmed=f.term.name in small or not gain_interval_positive(f.gain))
+        replace(f, unconfirmed=True)
+        if f.term.name in small or not gain_interval_positive(f.gain)
+        else f
         for f in findings
     )
 
@@ -163,21 +158,6 @@ def insignificant(fit: Estimate) -> set[str]:
     """Return the terms whose first parameter is within `SIGMAS_95` σ of having no effect."""
     sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
     return {name for name, s in sizes.items() if s and abs(s[0]) < SIGMAS_95 * s[1]}
-
-
-def with_resemblance(
-    residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
-) -> tuple[ResidualTorque, ...]:
-    """Return ``residuals``, with the text ``resembles`` set on the first residual torque.
-
-    The text, such as "motor.delay-like", names the first of ``causes`` and the causes confounded
-    with it: the torque resembles their effects. An existing text is kept.
-    """
-    if not residuals or residuals[0].resembles is not None or not causes:
-        return tuple(residuals)
-    names = (causes[0].term.name, *causes[0].tied_with)
-    resembles = " or ".join(f"{name}-like" for name in names)
-    return (replace(residuals[0], resembles=resembles), *residuals[1:])
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from heli3dof.diagnosis.conclusion.adoption import (
     AdoptionResult,
     is_significant_gain,
     log_likelihood_gain,
+    with_size,
 )
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
 from heli3dof.diagnosis.search.candidate_fits import with_term_at
@@ -25,7 +26,7 @@ from heli3dof.diagnosis.search.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
-from heli3dof.diagnosis.validation.gain import Gain, gain
+from heli3dof.diagnosis.validation.gain import gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -41,12 +42,15 @@ def with_torques(
 
     A term is a formula or a curve proposed for the torque. A torque without such an improvement is
     dropped: ``dropped`` lists its proposed term with the largest log-likelihood gain. A torque for
-    which no proposed term can be fitted is kept without a term.
+    which no proposed term can be fitted is kept without a term. Torques that have a term already
+    are kept as they are.
     """
     fit, after = result.fit, result.after
-    kept = list[tuple[ResidualTorque, tuple[Proposal, Gain] | None]]()
-    dropped = list(result.dropped)
+    kept, dropped = list[ResidualTorque](), list(result.dropped)
     for torque in result.residual_torques:
+        if torque.term is not None:
+            kept.append(torque)
+            continue
         failed = list[Dropped]()
         for proposal in proposals(fit, torque):
             wider = fit_with(setup, fit, proposal)
@@ -56,22 +60,32 @@ def with_torques(
             g = gain(after, new, seed=setup.seed)
             if is_significant_gain(g):
                 fit, after = wider, new
-                kept.append((torque, (proposal, g)))
+                kept.append(replace(torque, term=TorqueTerm(proposal, {}, g)))
                 break
             failed.append(Dropped(proposal.term, g))
         else:
             if failed:
                 dropped.append(max(failed, key=lambda d: log_likelihood_gain(d.gain)))
             else:
-                kept.append((torque, None))
-    scale = thrust_scale(fit)
-    torques = tuple(
-        replace(t, term=TorqueTerm(adopted[0], in_SI(fit, scale, adopted[0].term), adopted[1]))
-        if adopted
-        else t
-        for t, adopted in kept
-    )
+                kept.append(torque)
+    torques = tuple(kept)
     return replace(result, fit=fit, after=after, residual_torques=torques, dropped=tuple(dropped))
+
+
+def with_sizes(result: AdoptionResult) -> AdoptionResult:
+    """Return ``result``; the values of its causes and torque terms are those in its fit."""
+    fit, scale = result.fit, thrust_scale(result.fit)
+
+    def with_values(x: ResidualTorque) -> ResidualTorque:
+        if x.term is None:
+            return x
+        return replace(x, term=replace(x.term, values=in_SI(fit, scale, x.term.proposal.term)))
+
+    return replace(
+        result,
+        findings=tuple(with_size(f, fit, scale) for f in result.findings),
+        residual_torques=tuple(map(with_values, result.residual_torques)),
+    )
 
 
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:

@@ -160,14 +160,16 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the test statistic S (P,) and the estimate c (P,) of a torque c φ on ``axis``.
 
     P is the number of candidates φ, the products of measured quantities in `PRODUCTS`. S is 0 if
-    the flights contain no information about c.
+    the flights contain no information about c, or if the fit contains this torque.
     """
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):
         D = product_traces(x, axis, PRODUCTS[k : k + AT_ONCE])
         u[k : k + AT_ONCE], V = projected(x, D)
         v[k : k + AT_ONCE] = np.diag(V)
+    fitted = {t.name for t in x.fit.structure.terms}
     known = v > 1e-300
+    known &= [f"{PREFIX}{product}.{AXES[axis]}" not in fitted for product in PRODUCTS]
     return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 

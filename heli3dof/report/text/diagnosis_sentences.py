@@ -436,7 +436,7 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
             f"Unmodelled effect: a torque on {rest['axis']} that depends on "
             f"{variable(rest['depends_on'])}"
         )
-        if math.isfinite(share):
+        if math.isfinite(share) and not rest.get("term"):
             text += f", {share * 100:.0f} % of the unexplained variance"
         if rest.get("also"):
             also = listed([variable(str(v)) for v in rest["also"]], "or")

@@ -5,7 +5,6 @@ A base fit distorted by the torque gets no null simulations.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
@@ -22,13 +21,12 @@ from heli3dof.diagnosis.conclusion.compensating_causes import (
     predictions_agree,
     replaced_by_formula,
     simulations_agree,
-    with_resemblance,
 )
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.steps import screening_step
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, TorqueLocation
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import (
@@ -51,29 +49,38 @@ from tests.profiles import profile
 BACKLASH = "encoder.backlash.roll"
 
 
-def product(plan: str, seed: int, until_s: float = 90.0) -> Recording:
-    """k V_f V_b on pitch: about hover a thrust mismatch and a constant torque."""
-    device = "mock:?speed=max&hide=other.pitch_torque_from_voltage_product:0.0006"
+def product(plan: str, seed: int, until_s: float = 90.0, also: str = "") -> Recording:
+    """k V_f V_b on pitch, about hover a thrust mismatch and a constant torque; and other effects"""
+    device = f"mock:?speed=max&hide=other.pitch_torque_from_voltage_product:0.0006{also}"
     return flown(plan, until_s, device=device, seed=seed, profile=profile(rate_hz=250.0))
 
 
-def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
-    result = diagnose(product("rich", 1303, 30.0), quick=True)
+def test_an_unmodelled_torque_gets_no_name_and_hides_no_cause() -> None:
+    """The delay is found in the model with the torque's formula; both change the pitch inertia."""
+    result = diagnose(product("rich", 1303, 30.0, also=",motor.delay:0.02"), quick=True)
     assert result.verdict == "unexplained"
-    assert result.residual_torques[0].axis == "pitch"
-    # The cause that compensates for it about hover is either dropped or reported as "-like".
-    assert all(f.unconfirmed for f in result.findings)
-    named = {f.term.name for f in result.findings} | {d.name for d in result.dropped}
-    assert "motor.thrust_mismatch" in named
+    (delay,) = result.findings
+    assert delay.term.name == "motor.delay"
+    value, std = delay.values["delay_s"]
+    assert abs(value - 0.02) < 3 * std
+    # Causes that compensate for the torque about hover, or that compete with the delay.
+    dropped = {d.name for d in result.dropped}
+    assert "motor.thrust_mismatch" in dropped
+    assert "motor.delay" not in dropped
     assert not result.calibration_findings
-    (torque,) = diagnosis_document(result)["leftover"]
+    document = diagnosis_document(result)
+    (torque,) = document["leftover"]
     assert torque["formula"] == "c * voltage_front * voltage_back"
     c = torque["formula_parameters"]["c"]
     assert abs(c["value"] - 0.0006) < 3 * c["std"]
-    gain = diagnosis_document(result)["gain"]["holdout_rmse_deg"]
-    assert gain["after"]["pitch"] < 0.2 * gain["before"]["pitch"]
+    gain = document["gain"]["holdout_rmse_deg"]
+    assert gain["after"]["pitch"] < 0.1 * gain["before"]["pitch"]
     assert result.fitted is not None
-    assert torque["term"] in result.fitted.model.terms
+    model = result.fitted.model
+    assert torque["term"] in model.terms
+    # The calibration is that of the extended model, whose inertias are in units of K_f.
+    K_f, _, _, J_pitch, _ = (x["value"] for x in document["calibration"])
+    assert J_pitch / K_f == pytest.approx(model.values[2] / model.profile.motor.K_f)
 
 
 @pytest.mark.accuracy
@@ -135,26 +142,6 @@ def fit(value: float, std: float = 0.1) -> Estimate:
         std=np.array([std]),
         structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
     ))  # fmt: skip
-
-
-def replaced(name: str, *tied_with: str) -> Finding:
-    """A cause that a torque replaces, with the causes confounded with it."""
-    choice = SimpleNamespace(term=SimpleNamespace(name=name), tied_with=tied_with)
-    return Finding(cast(Any, choice), {}, cast(Any, None), np.zeros(4))
-
-
-def test_a_residual_torque_is_like_the_causes_that_it_replaces_unless_it_resembles_another() -> (
-    None
-):
-    residual = ResidualTorque("yaw", "voltage_sum", 0.5, (), (), 100.0, 1.0)
-    (alone,) = with_resemblance([residual], [replaced("drag.quadratic.yaw")])
-    assert alone.resembles == "drag.quadratic.yaw-like"
-    offset = replaced("encoder.offset.pitch", "aero.reaction_torque")
-    (either,) = with_resemblance([residual], [offset])
-    assert either.resembles == "encoder.offset.pitch-like or aero.reaction_torque-like"
-    already = replace(residual, resembles="friction.viscous.yaw-like")
-    assert with_resemblance([already], [offset]) == (already,)
-    assert with_resemblance([residual], []) == (residual,)
 
 
 def test_an_unconfirmed_finding_is_marked_as_like() -> None:

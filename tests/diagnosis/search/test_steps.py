@@ -85,7 +85,7 @@ def test_a_stage_names_null_simulations_only_if_they_are_flown(
     monkeypatch.setattr(diagnose_module, "screening_step", lambda *_: step)
     said: list[str] = []
     setup, fit = SimpleNamespace(controller_is_known=True), SimpleNamespace(is_corrected=flies)
-    forward_selection(cast(Any, setup), cast(Any, fit), FULL, StageClock(said.append))
+    forward_selection(cast(Any, setup), cast(Any, fit), (), FULL, StageClock(said.append))
     assert said[0] == stage
 
 
