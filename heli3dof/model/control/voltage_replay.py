@@ -169,21 +169,21 @@ def _voltage(r: Recording) -> np.ndarray:
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)
-    _replay_compiled(
+    _replay(
         np.array(p), np.array(s), *map(np.ascontiguousarray, (r.angle, r.reference)),
         np.nan_to_num(r.voltage_extra), np.empty(N_OUT), voltage,
     )  # fmt: skip
     return voltage
 
 
+_law = compiled(control_law, leaf=True)
+
+
+@compiled
 def _replay(p, s, angle, reference, extra, out, voltage):  # type: ignore[no-untyped-def]
     for k in range(angle.shape[0]):
         _law(p, s, angle[k], reference[k], extra[k], out)
         voltage[k, 0], voltage[k, 1] = out[2], out[3]
-
-
-_law = compiled(control_law, leaf=True)
-_replay_compiled = compiled(_replay)
 
 
 def _is_explained(t: np.ndarray, d: np.ndarray, logged: np.ndarray) -> bool:

@@ -8,6 +8,7 @@ Otherwise the initial thrusts balance roll and pitch.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
 
+@partial(compiled, error_model="numpy", nogil=True)
 def _fly(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, free, x, F, low, p, c, opened, bounds, z, reference, extra,
     grid0, grid, t, h, kick, late, angle, voltage, cmd,
@@ -74,9 +76,6 @@ def _fly(  # type: ignore[no-untyped-def]
         stop_at_table(x, low)
 
 
-_fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
-
-
 def on_table(angle0: np.ndarray) -> bool:
     """Return True if a rig at rest at ``angle0`` (3,) rad lies on its table."""
     return bool(angle0[0] < ON_TABLE_BELOW)
@@ -115,7 +114,7 @@ def fly(
     t = task.start_s + task.dt * np.arange(N, dtype=float) if t is None else t
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
-    _fly_compiled(
+    _fly(
         s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
         x[0] if on_table(read0) else -np.inf,
         p, c,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _before, _after = compiled(before_law), compiled(after_law)
 
 
+@compiled
 def _fly(  # type: ignore[no-untyped-def]
     A, B, C, u0, y0, x, p, s, opened, bounds, z, reference, extra, grid0, grid, angle, voltage, cmd,
 ):  # fmt: skip
@@ -64,9 +65,6 @@ def _fly(  # type: ignore[no-untyped-def]
             x[i] = x_next[i]
 
 
-_fly_compiled = compiled(_fly)
-
-
 def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
@@ -85,7 +83,7 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     reference = np.nan_to_num(_floats(task.reference), nan=0.0)
     extra = np.nan_to_num(_floats(task.extra), nan=0.0)
-    _fly_compiled(
+    _fly(
         _floats(model.A),
         _floats(model.B),
         _floats(C),

@@ -96,7 +96,7 @@ def filtered_states(
     C = np.where(axes[:, None], model.C, 0.0)
     x = np.empty((len(y) + 1, model.order))
     x[0] = x0
-    _follow_compiled(
+    _follow(
         np.ascontiguousarray(model.A),
         np.ascontiguousarray(model.B),
         np.ascontiguousarray(C),
@@ -179,6 +179,7 @@ def _forced(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, h: int) 
     return y
 
 
+@compiled
 def _follow(A, B, C, gains, u, y, x):  # type: ignore[no-untyped-def]
     n = A.shape[0]
     last = gains.shape[0] - 1
@@ -196,9 +197,6 @@ def _follow(A, B, C, gains, u, y, x):  # type: ignore[no-untyped-def]
             if e == e:
                 for i in range(n):
                     x[k + 1, i] += L[i, axis] * e
-
-
-_follow_compiled = compiled(_follow)
 
 
 def _first(column: np.ndarray) -> float:
