@@ -6,7 +6,7 @@ failed. The driver fills in these fields, and further ones that only its own tab
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from heli3dof.errors import DeviceError
@@ -26,8 +26,3 @@ class ErrorTemplate(NamedTuple):
 
 
 ErrorTable = Mapping[int, ErrorTemplate]
-
-
-def each(numbers: Iterable[int], template: ErrorTemplate) -> dict[int, ErrorTemplate]:
-    """Return an error table that maps every number in ``numbers`` to the same ``template``."""
-    return dict.fromkeys(numbers, template)

@@ -163,8 +163,9 @@ class MockRig:
             from .options import MockOptions
 
             options = MockOptions()
-        self._device: Device = device_of(profile, options)
-        dt, watchdog_s = self._device.plant.dt, self._device.watchdog_s
+        self.device: Device = device_of(profile, options)
+        """The emulated electronics, for tests and other transports"""
+        dt, watchdog_s = self.device.plant.dt, self.device.watchdog_s
         self._dt = dt
         self._real = options.speed == 1.0
         self._pace_s = 0.0 if math.isinf(options.speed) else dt / options.speed
@@ -172,7 +173,7 @@ class MockRig:
         self._open = True
         self._is_sealed = options.exercise is not None
         e = profile.encoder
-        self._identity = Identity(
+        self.identity = Identity(
             driver="mock",
             model="emulated 3-DOF helicopter",
             serial=serial_of(options),
@@ -186,18 +187,9 @@ class MockRig:
         )
 
     @property
-    def identity(self) -> Identity:
-        return self._identity
-
-    @property
-    def device(self) -> Device:
-        """Return the emulated electronics of this rig, for tests and other transports."""
-        return self._device
-
-    @property
     def device_cause(self) -> str | None:
         """Return why the emulated electronics hold their output at zero; None if they do not."""
-        cause = self._device.cause
+        cause = self.device.cause
         return cause.name if cause else None
 
     @property
@@ -212,7 +204,7 @@ class MockRig:
                 cause="it belongs to an exercise.",
                 fix="the teacher opens it: heli3dof exercise open",
             )
-        return self._device.plant.truth
+        return self.device.plant.truth
 
     def arm(self) -> Sample:
         """Enable the output at zero volts, clear every stop, and return the first sample.
@@ -222,7 +214,7 @@ class MockRig:
         self._check_open()
         now = time.monotonic()
         self._catch_up(now)
-        self._device.arm()
+        self.device.arm()
         self._last_s = now
         return self._sample()
 
@@ -243,7 +235,7 @@ class MockRig:
         period in s on the host's monotonic clock, used with ``speed=real``.
         """
         self._check_open()
-        device = self._device
+        device = self.device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):
             device.stop()
             raise not_a_voltage(command.sequence, command.v_front, command.v_back)
@@ -260,7 +252,7 @@ class MockRig:
         return self._sample()
 
     def _exchange_in_real_time(self, command: Command, due_s: float) -> Sample:
-        device, dt = self._device, self._dt
+        device, dt = self.device, self._dt
         now = time.monotonic()
         if self._last_s is None:
             self._last_s = due_s - dt
@@ -287,22 +279,22 @@ class MockRig:
         if self._real and self._last_s is not None and now > self._last_s:
             passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
             for _ in range(passed):
-                self._device.period()
+                self.device.period()
             self._last_s = now
 
     def estop(self, reason: str) -> None:
         """Set the output to zero volts until the next `arm`; ``reason`` is not used."""
         if self._open:
             self._catch_up(time.monotonic())
-            self._device.stop()
+            self.device.stop()
 
     def close(self) -> None:
         if self._open:
-            self._device.disable()
+            self.device.disable()
             self._open = False
 
     def _sample(self) -> Sample:
-        device = self._device
+        device = self.device
         return Sample(
             device.sequence,
             device.plant.t,

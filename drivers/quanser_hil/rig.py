@@ -66,7 +66,7 @@ class QuanserRig:
                 board.close()
             raise
         e = profile.encoder
-        self._identity = Identity(
+        self.identity = Identity(
             driver="quanser",
             model=f"Quanser {wiring.board}",
             serial=f"{wiring.board}-{wiring.number}",
@@ -78,10 +78,6 @@ class QuanserRig:
             timebase="device",
             emulated=False,
         )
-
-    @property
-    def identity(self) -> Identity:
-        return self._identity
 
     @property
     def statistics(self) -> StreamStatistics:
@@ -155,7 +151,7 @@ class QuanserRig:
             return
         problem = self._switch_off()
         if problem is not None and not self._board.watchdog_expired():
-            raise not_stopped(self._name, problem, self._identity.watchdog_s, self._watching)
+            raise not_stopped(self._name, problem, self.identity.watchdog_s, self._watching)
 
     def close(self) -> None:
         """Set zero volts, disable the amplifier, stop watchdog and task, and close the board.
