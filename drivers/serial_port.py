@@ -87,7 +87,7 @@ class SerialDriver:
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         """Return checks of the port without opening it: file, permission, lock, latency timer."""
         from .link.serial_line import pyserial_url
-        from .link.serial_port_checks import checks
+        from .link.serial_ports import checks
         from .options import SerialOptions
 
         SerialOptions.of(url)

@@ -49,7 +49,7 @@ from .frames import (
     wire,
 )
 from .handshake import check_profile, identify, period_of
-from .request_reply import TRIES, LinkStatistics, RequestClient, Transport
+from .request_reply import TRIES, RequestClient, Transport
 from .sample_validation import SampleValidator, cause_name
 from .sampling import Sampling
 
@@ -87,7 +87,9 @@ class LinkRig:
         """
         self._transport = transport
         self._client = RequestClient(transport)
-        self._validator = SampleValidator(self._client.statistics)
+        self.statistics = self._client.statistics
+        """The connection's counters since it was opened"""
+        self._validator = SampleValidator(self.statistics)
         self._stream = stream
         self._samples = Sampling(self._client, self._validator)
         self._streaming = False
@@ -109,11 +111,6 @@ class LinkRig:
         self._watchdog_us = max(wanted_us, 3 * self._period_us)
         started_s = None if uptime_s is None else time.time() - uptime_s
         self.identity = _identity(reply, driver, stream, self._watchdog_us, started_s)
-
-    @property
-    def statistics(self) -> LinkStatistics:
-        """Return the connection's counters since it was opened."""
-        return self._client.statistics
 
     @property
     def device_cause(self) -> str | None:

@@ -28,7 +28,7 @@ from heli3dof.rig.interface import Command, Flags, Identity, Sample
 from ..rig_errors import closed, not_a_voltage, not_armed
 from .board import DAC_V, Board
 from .error_codes import explain, explained, not_stopped, task_ended
-from .stream import EncoderStream, Ended, Overrun, StreamStatistics
+from .stream import EncoderStream, Ended, Overrun
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -56,6 +56,8 @@ class QuanserRig:
         self._saturated = False
         self._sequence = 0
         self._stream = EncoderStream(board, profile.dt)
+        self.statistics = self._stream.statistics
+        """Counts of the board's samples since it was opened"""
         self.limit_V = min(profile.motor.v_max, DAC_V * wiring.gain)
         try:
             with explained(board.error, name, "switching its outputs off"):
@@ -78,11 +80,6 @@ class QuanserRig:
             timebase="device",
             emulated=False,
         )
-
-    @property
-    def statistics(self) -> StreamStatistics:
-        """Return counts of the board's samples since it was opened."""
-        return self._stream.statistics
 
     @property
     def device_cause(self) -> str | None:
