@@ -15,8 +15,7 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT
-from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.control.controller import N_OUT, after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.model.greybox.linearisation import balance, true_angles

@@ -18,8 +18,7 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT
-from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.control.controller import N_OUT, after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.linear.initial_state import rest_state
 
