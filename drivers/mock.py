@@ -12,6 +12,7 @@ every option and effect. The option ``speed`` selects the clock:
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,11 +25,13 @@ from heli3dof.rig.interface import Check, Command, Identity, Sample
 from .rig_errors import closed, not_a_voltage, watchdog_too_short
 
 if TYPE_CHECKING:
+    from heli3dof.rig.interface import Rig
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.sealed_rig import HiddenRig
     from heli3dof.rig.url import DeviceUrl
 
     from .emulator.device import Device
+    from .emulator.endpoint import Endpoint
     from .emulator.plant import Truth
     from .options import MockOptions, RigOptions
 
@@ -54,7 +57,7 @@ class MockDriver:
     def find(self) -> Sequence[str]:
         return ["mock:"]
 
-    def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
+    def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Return the emulated rig; ``profile`` applies unless the URL names another profile.
 
         Raises UsageError for a bad option, ProfileError for a bad profile.
@@ -153,6 +156,19 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
     faults = parse_faults(options.fault)
     breaking = FaultyPlant(plant, faults) if faults else plant
     return Device(breaking, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
+
+
+def endpoint_of(profile: Profile, options: RigOptions) -> Endpoint:
+    """Return an emulated rig behind the link protocol, for a profile and the URL's options."""
+    from .emulator.endpoint import Endpoint
+
+    e = profile.encoder
+    return Endpoint(
+        device_of(profile, options),
+        counts_per_rev=(e.roll, e.pitch, e.yaw),
+        serial=serial_of(options),
+        boot=int.from_bytes(os.urandom(4), "little"),
+    )
 
 
 class MockRig:

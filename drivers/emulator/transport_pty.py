@@ -31,15 +31,11 @@ def emulated(url: str = "mock:") -> Endpoint:
     from heli3dof.rig.profile import default_profile
     from heli3dof.rig.url import parse_url
 
-    from ..mock import MockDriver
+    from ..mock import endpoint_of, own_profile
+    from ..options import MockOptions
 
-    rig = MockDriver().open(parse_url(url), default_profile())
-    return Endpoint(
-        rig.device,
-        counts_per_rev=rig.identity.counts_per_rev,
-        serial=rig.identity.serial,
-        boot=int.from_bytes(os.urandom(4), "little"),
-    )
+    options = MockOptions.of(parse_url(url))
+    return endpoint_of(own_profile(options, default_profile()), options)
 
 
 class Delay:

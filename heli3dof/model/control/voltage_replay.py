@@ -105,7 +105,9 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
         return None
     if share <= REPRODUCED:
         match = Match.REPRODUCED
-    elif _is_explained(t, (logged - late)[rows], logged[rows]):
+    elif (
+        late_share := unexplained_share(t, (logged - late)[rows], logged[rows], _detrended_std)
+    ) is not None and late_share <= REPRODUCED:
         match = Match.LATE
     elif np.isnan(recording.voltage_extra).all() and not _is_feedback(r, rows, d):
         match = Match.EXCITED
@@ -184,16 +186,6 @@ def _replay(p, s, angle, reference, extra, out, voltage):  # type: ignore[no-unt
     for k in range(angle.shape[0]):
         _law(p, s, angle[k], reference[k], extra[k], out)
         voltage[k, 0], voltage[k, 1] = out[2], out[3]
-
-
-def _is_explained(t: np.ndarray, d: np.ndarray, logged: np.ndarray) -> bool:
-    """Return True if a controller explains the ``logged`` voltages up to the differences d.
-
-    This holds if std(d)/std(logged), with d detrended, is at most `REPRODUCED`; see
-    `unexplained_share`. ``t`` (n,) s: times; d, ``logged`` (n, 2) V.
-    """
-    share = unexplained_share(t, d, logged, _detrended_std)
-    return share is not None and share <= REPRODUCED
 
 
 def _detrended_std(t: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -53,24 +53,9 @@ NOISE = np.array([0.05, 0.15, 0.05])
 
 @partial(compiled, error_model="numpy", nogil=True)
 def _windows(  # type: ignore[no-untyped-def]
-    s,
-    first,
-    address,
-    par,
-    mem,
-    where,
-    free,
-    t,
-    V,
-    thrust_integral,
-    X,
-    low,
-    starts,
-    ahead,
-    stride,
-    by_direction,
-    out,
-):
+    s, first, address, par, mem, where, free, t, V, thrust_integral, X, low, starts, ahead, stride,
+    by_direction, out,
+):  # fmt: skip
     """Simulate from the filter's states in S rows; write the readings at M horizons to ``out``.
 
     ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons

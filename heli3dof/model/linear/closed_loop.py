@@ -83,23 +83,10 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     reference = np.nan_to_num(_floats(task.reference), nan=0.0)
     extra = np.nan_to_num(_floats(task.extra), nan=0.0)
     _fly(
-        _floats(model.A),
-        _floats(model.B),
-        _floats(C),
-        _floats(model.u0),
-        np.where(there, model.y0, angle0).astype(float),
-        _floats(rest_state(model, angle0)).copy(),
-        p,
-        s,
-        *opening(task),
-        reference,
-        extra,
-        angle0,
-        _floats(grid),
-        angle,
-        voltage,
-        cmd,
-    )
+        *map(_floats, (model.A, model.B, C, model.u0)),
+        np.where(there, model.y0, angle0).astype(float), _floats(rest_state(model, angle0)).copy(),
+        p, s, *opening(task), reference, extra, angle0, _floats(grid), angle, voltage, cmd,
+    )  # fmt: skip
     angle[:, ~there] = np.nan
     return LoopResult(
         t=task.dt * np.arange(N, dtype=float),

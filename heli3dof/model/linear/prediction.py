@@ -96,15 +96,8 @@ def filtered_states(
     C = np.where(axes[:, None], model.C, 0.0)
     x = np.empty((len(y) + 1, model.order))
     x[0] = x0
-    _follow(
-        np.ascontiguousarray(model.A),
-        np.ascontiguousarray(model.B),
-        np.ascontiguousarray(C),
-        gains,
-        np.ascontiguousarray(u),
-        np.ascontiguousarray(y),
-        x,
-    )
+    A, B, C, u, y = map(np.ascontiguousarray, (model.A, model.B, C, u, y))
+    _follow(A, B, C, gains, u, y, x)
     return x
 
 
