@@ -222,10 +222,7 @@ class LinkRig:
         return self._client.request(lambda _: arm, Ack, tries=1)
 
     def _next_of_stream(self) -> Sample:
-        """Return the stream's next sample, or a polled one if the stream has ended.
-
-        Raises DeviceError if the device is gone or has restarted.
-        """
+        """Return the stream's next sample; if the stream has ended, a polled one."""
         sample = self._samples.next_of_stream()
         if sample is not None:
             return sample

@@ -199,11 +199,7 @@ def change_posterior(
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return the log evidence of each model of a change, averaged over the grid of d, g and a.
-
-    ``each`` (d, g, a, model) is the log evidence at each grid point (symbols: see the module). The
-    average is that of the evidence, not of its logarithm.
-    """
+    """Return the log of each model's mean evidence; ``each`` (d, g, a, model) is log evidence."""
     rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
     return total

@@ -212,10 +212,7 @@ def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
 
 
 def _single(series: _Series, flights: np.ndarray) -> Change | None:
-    """Return the most probable step, drift or deviating flight in ``flights``.
-
-    Returns None if the probability of any change is below `REPORTED`.
-    """
+    """Return the most probable change in ``flights``; None if that of any is below `REPORTED`."""
     posterior = series.posterior(flights)
     if 1 - posterior.constant < REPORTED:
         return None

@@ -82,10 +82,7 @@ def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Diffe
 
 
 def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Difference:
-    """Return the difference of the rig ``name`` from the others, with its p-value.
-
-    ``tests``: number of tests, by which the p-value is multiplied.
-    """
+    """Return a rig's difference from the others; its p-value is multiplied by ``tests``."""
     from scipy.stats import t
 
     rig, others = rigs[name], [e for other, e in rigs.items() if other != name]

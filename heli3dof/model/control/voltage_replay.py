@@ -164,10 +164,7 @@ def is_late(recording: Recording) -> bool:
 
 
 def _voltage(r: Recording) -> np.ndarray:
-    """Return the voltages (N, 2) V that the profile's controller computes from the log ``r``.
-
-    They are voltages after the limiter, computed from the logged angles, references and excitation.
-    """
+    """Return the voltages (N, 2) V, after the limiter, of the profile's controller for ``r``."""
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)

@@ -106,10 +106,7 @@ def broken() -> list[str]:
 
 
 def _where(error: BaseException) -> str:
-    """Return where an error occurred in a plug-in's code, as ``file:line``.
-
-    Returns "" if the error did not occur in the plug-in's code.
-    """
+    """Return where an error occurred in a plug-in's code, as ``file:line``; "" if elsewhere."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     if isinstance(error, HookError):

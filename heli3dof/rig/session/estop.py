@@ -112,8 +112,7 @@ def _await(request: Request, start: float) -> Stopped | None:
 def _all_directly(devices: Sequence[str], start: float) -> list[Stopped]:
     """Stop each device through its driver, in a thread per device; return the results.
 
-    An unreachable device fails after seconds, without delaying the others. ``start``: when the stop
-    began, in s (monotonic).
+    So an unreachable device, which fails after seconds, delays no other.
     """
     results: dict[str, Stopped] = {}
 
