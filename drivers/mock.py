@@ -22,7 +22,7 @@ from heli3dof.errors import UsageError
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Command, Identity, Sample
 
-from .rig_errors import closed, not_a_voltage, watchdog_too_short
+from .errors import closed, not_a_voltage, watchdog_too_short
 
 if TYPE_CHECKING:
     from heli3dof.rig.interface import Rig

@@ -25,7 +25,7 @@ from heli3dof.errors import DeviceError
 from heli3dof.rig.clock import CLOCK_TOLERANCE, wait_until, wrapped_difference_s
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from ..rig_errors import closed, not_a_voltage, not_armed
+from ..errors import closed, not_a_voltage, not_armed
 from .emergency_stop import SHARED_TRIES, STOP_TRIES, stop
 from .errors import (
     gone_silent,

@@ -12,7 +12,7 @@ from enum import IntEnum
 
 from heli3dof.errors import DeviceError
 
-from ..error_templates import ErrorTable, ErrorTemplate
+from ..errors import ErrorTable, ErrorTemplate
 
 
 class Qerr(IntEnum):

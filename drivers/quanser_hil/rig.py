@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from ..rig_errors import closed, not_a_voltage, not_armed
+from ..errors import closed, not_a_voltage, not_armed
 from .board import DAC_V, Board
 from .error_codes import explain, explained, not_stopped, task_ended
 from .stream import EncoderStream, Ended, Overrun

@@ -13,7 +13,7 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
-from ..error_templates import ErrorTable, ErrorTemplate
+from ..errors import ErrorTable, ErrorTemplate
 from ..udev import install_command
 
 NO_LIBUSB = {

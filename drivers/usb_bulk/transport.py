@@ -24,7 +24,7 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
-from ..rig_errors import closed
+from ..errors import closed
 from .devices import interface_of
 from .errors import explain, explained
 
