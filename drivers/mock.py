@@ -189,7 +189,7 @@ class MockRig:
         self._open = True
         self._is_sealed = options.exercise is not None
         e = profile.encoder
-        self.identity = Identity(
+        self._identity = Identity(
             driver="mock",
             model="emulated 3-DOF helicopter",
             serial=serial_of(options),
@@ -201,6 +201,10 @@ class MockRig:
             timebase="host" if self._real else "virtual",
             emulated=True,
         )
+
+    @property
+    def identity(self) -> Identity:
+        return self._identity
 
     @property
     def device_cause(self) -> str | None:
