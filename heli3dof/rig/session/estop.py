@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError, quoted
 from heli3dof.rig.drivers import check_url, find_rigs, is_private, load_driver
@@ -147,10 +147,10 @@ def _directly(device: str, start: float) -> Stopped:
 class EstopResult:
     """The result of an emergency stop: one result per rig, and the URLs that were left out."""
 
-    stopped: list[Stopped] = field(default_factory=list)
-    unconfirmed: list[Stopped] = field(default_factory=list)
+    stopped: list[Stopped]
+    unconfirmed: list[Stopped]
     """Results of the devices that did not confirm the stop"""
-    skipped: list[str] = field(default_factory=list)
+    skipped: list[str]
     """URLs of ports at which no rig is known: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
