@@ -197,6 +197,13 @@ class LinkOptions(UrlOptions):
         default="device", description="whose signs of the encoder counts apply"
     )
 
+    @property
+    def of_rig(self) -> dict[str, Any]:
+        """Return the options of a `LinkRig`, as keyword arguments."""
+        return {
+            "stream": self.stream == "1", "watchdog_s": self.watchdog_s, "signs": self.signs
+        }  # fmt: skip
+
 
 class SerialOptions(LinkOptions):
     baud: float = Field(default=BAUD, ge=1200, le=12_000_000, description="bits per second")

@@ -59,14 +59,7 @@ class SerialDriver:
         line = open_line(
             pyserial_url(url), baud=int(options.baud), low_latency=options.low_latency == "1"
         )
-        return LinkRig(
-            line,
-            profile,
-            driver="serial",
-            stream=options.stream == "1",
-            watchdog_s=options.watchdog_s,
-            signs=options.signs,
-        )
+        return LinkRig(line, profile, driver="serial", **options.of_rig)
 
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, even if another process has its port open; return a message."""

@@ -13,9 +13,8 @@ noise of the reading, and that of the angle is a²/k². Thus k is estimated from
 the noise level.
 
 The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
-change of a reading. Each event has the likelihood Z and acts on one component c of x. With the
-score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
-P_c is column c of P.
+change of a reading. Each event acts on one component c of x, with a likelihood Z, the score g and
+the information w: x ← x + P_c g, where P_c is column c of P.
 
 Σ ln Z is the log-likelihood of a recording. Parameters θ′ near the filter's θ change the prediction
 of c by δc. With P_c, g and w kept, the update is then x ← x + P_c (g − w δc). `follow` computes δc
