@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
 from ..errors import closed, not_a_voltage, not_armed
-from .board import DAC_V, Board
+from .board import DAC_V, Board, version_of
 from .error_codes import explain, explained, not_stopped, task_ended
 from .stream import EncoderStream, Ended, Overrun
 
@@ -73,7 +73,7 @@ class QuanserRig:
             model=f"Quanser {wiring.board}",
             serial=f"{wiring.board}-{wiring.number}",
             firmware=board.firmware(),
-            protocol=f"HIL {board.version()}",
+            protocol=f"HIL {version_of(board.hardware)}",
             counts_per_rev=(e.roll, e.pitch, e.yaw),
             v_max=self.limit_V,
             watchdog_s=wiring.watchdog_s,
