@@ -25,8 +25,7 @@ class UsbMockDriver(MockDriver):
 
     scheme = "usb+mock"
     options: Sequence[str] = (
-        "profile", "hide", "exercise", "seed", "noise", "noise_s", "vibration_hz", "start",
-        "spread", "rate_hz", "watchdog_s", "fault",
+        *(name for name in MockDriver.options if name != "speed"),
         "stream", "signs", "timeout_s", "bus",
     )  # fmt: skip
     """The fields of `UsbMockOptions`, repeated so that `estop` need not import pydantic (slow)"""
