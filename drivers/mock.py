@@ -12,6 +12,7 @@ every option and effect. The option ``speed`` selects the clock:
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,14 +22,16 @@ from heli3dof.errors import UsageError
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Command, Identity, Sample
 
-from .rig_errors import closed, not_a_voltage, watchdog_too_short
+from .errors import closed, not_a_voltage, watchdog_too_short
 
 if TYPE_CHECKING:
+    from heli3dof.rig.interface import Rig
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.sealed_rig import HiddenRig
     from heli3dof.rig.url import DeviceUrl
 
     from .emulator.device import Device
+    from .emulator.endpoint import Endpoint
     from .emulator.plant import Truth
     from .options import MockOptions, RigOptions
 
@@ -54,7 +57,7 @@ class MockDriver:
     def find(self) -> Sequence[str]:
         return ["mock:"]
 
-    def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
+    def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Return the emulated rig; ``profile`` applies unless the URL names another profile.
 
         Raises UsageError for a bad option, ProfileError for a bad profile.
@@ -155,6 +158,19 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
     return Device(breaking, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
 
 
+def endpoint_of(profile: Profile, options: RigOptions) -> Endpoint:
+    """Return an emulated rig behind the link protocol, for a profile and the URL's options."""
+    from .emulator.endpoint import Endpoint
+
+    e = profile.encoder
+    return Endpoint(
+        device_of(profile, options),
+        counts_per_rev=(e.roll, e.pitch, e.yaw),
+        serial=serial_of(options),
+        boot=int.from_bytes(os.urandom(4), "little"),
+    )
+
+
 class MockRig:
     """The emulated rig of a ``mock:`` URL; implements `heli3dof.rig.interface.Rig`."""
 
@@ -163,8 +179,9 @@ class MockRig:
             from .options import MockOptions
 
             options = MockOptions()
-        self._device: Device = device_of(profile, options)
-        dt, watchdog_s = self._device.plant.dt, self._device.watchdog_s
+        self.device: Device = device_of(profile, options)
+        """The emulated electronics, for tests and other transports"""
+        dt, watchdog_s = self.device.plant.dt, self.device.watchdog_s
         self._dt = dt
         self._real = options.speed == 1.0
         self._pace_s = 0.0 if math.isinf(options.speed) else dt / options.speed
@@ -190,14 +207,9 @@ class MockRig:
         return self._identity
 
     @property
-    def device(self) -> Device:
-        """Return the emulated electronics of this rig, for tests and other transports."""
-        return self._device
-
-    @property
     def device_cause(self) -> str | None:
         """Return why the emulated electronics hold their output at zero; None if they do not."""
-        cause = self._device.cause
+        cause = self.device.cause
         return cause.name if cause else None
 
     @property
@@ -212,7 +224,7 @@ class MockRig:
                 cause="it belongs to an exercise.",
                 fix="the teacher opens it: heli3dof exercise open",
             )
-        return self._device.plant.truth
+        return self.device.plant.truth
 
     def arm(self) -> Sample:
         """Enable the output at zero volts, clear every stop, and return the first sample.
@@ -222,7 +234,7 @@ class MockRig:
         self._check_open()
         now = time.monotonic()
         self._catch_up(now)
-        self._device.arm()
+        self.device.arm()
         self._last_s = now
         return self._sample()
 
@@ -243,7 +255,7 @@ class MockRig:
         period in s on the host's monotonic clock, used with ``speed=real``.
         """
         self._check_open()
-        device = self._device
+        device = self.device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):
             device.stop()
             raise not_a_voltage(command.sequence, command.v_front, command.v_back)
@@ -260,7 +272,7 @@ class MockRig:
         return self._sample()
 
     def _exchange_in_real_time(self, command: Command, due_s: float) -> Sample:
-        device, dt = self._device, self._dt
+        device, dt = self.device, self._dt
         now = time.monotonic()
         if self._last_s is None:
             self._last_s = due_s - dt
@@ -287,22 +299,22 @@ class MockRig:
         if self._real and self._last_s is not None and now > self._last_s:
             passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
             for _ in range(passed):
-                self._device.period()
+                self.device.period()
             self._last_s = now
 
     def estop(self, reason: str) -> None:
         """Set the output to zero volts until the next `arm`; ``reason`` is not used."""
         if self._open:
             self._catch_up(time.monotonic())
-            self._device.stop()
+            self.device.stop()
 
     def close(self) -> None:
         if self._open:
-            self._device.disable()
+            self.device.disable()
             self._open = False
 
     def _sample(self) -> Sample:
-        device = self._device
+        device = self.device
         return Sample(
             device.sequence,
             device.plant.t,

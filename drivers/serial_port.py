@@ -59,14 +59,7 @@ class SerialDriver:
         line = open_line(
             pyserial_url(url), baud=int(options.baud), low_latency=options.low_latency == "1"
         )
-        return LinkRig(
-            line,
-            profile,
-            driver="serial",
-            stream=options.stream == "1",
-            watchdog_s=options.watchdog_s,
-            signs=options.signs,
-        )
+        return LinkRig(line, profile, driver="serial", **options.of_rig)
 
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, even if another process has its port open; return a message."""
@@ -87,7 +80,7 @@ class SerialDriver:
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         """Return checks of the port without opening it: file, permission, lock, latency timer."""
         from .link.serial_line import pyserial_url
-        from .link.serial_port_checks import checks
+        from .link.serial_ports import checks
         from .options import SerialOptions
 
         SerialOptions.of(url)

@@ -36,9 +36,10 @@ MAY_IMPORT = {
     },
     "effect_files": {"errors", "axes", "rig", "model", "identification"},
     "comparison": {
-        "errors", "results", "arrays", "axes", "rig", "recording", "model", "identification",
+        "errors", "json_values", "results", "arrays", "axes", "rig", "recording", "model",
+        "identification",
     },
-    "fleet": {"errors", "results", "arrays", "batch"},
+    "fleet": {"errors", "json_values", "results", "arrays", "batch"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "integrity": {"errors", "axes", "plugins", "rig", "recording", "model", "identification"},
     "diagnosis": {

@@ -101,21 +101,16 @@ class Device:
         if self.held:
             return True
         arrived = self.plant.step(*self.v)
-        if isinstance(self.plant, FaultyPlant):
-            self._trip(self.plant)
+        trip = self.plant.trip() if isinstance(self.plant, FaultyPlant) else None
+        if trip is not None:
+            flag, self.cause = trip
+            self.saturated = False
+            self.v = self._command = (0.0, 0.0)
+            if flag == Flags.ESTOP:
+                self.stopped = True
+            else:
+                self.fault |= flag
         return arrived
-
-    def _trip(self, plant: FaultyPlant) -> None:
-        trip = plant.trip()
-        if trip is None:
-            return
-        flag, self.cause = trip
-        self.saturated = False
-        self.v = self._command = (0.0, 0.0)
-        if flag == Flags.ESTOP:
-            self.stopped = True
-        else:
-            self.fault |= flag
 
     @property
     def current(self) -> tuple[float, float]:

@@ -81,7 +81,7 @@ class Endpoint:
         shortest_us: int = SHORTEST_US,
     ) -> None:
         self._device = device
-        self._amplifier = Amplifier(round(device.v_max * 1e6), round(device.watchdog_s * 1e6))
+        self.amplifier = Amplifier(round(device.v_max * 1e6), round(device.watchdog_s * 1e6))
         self._texts = tuple(_text(t) for t in (model, serial, firmware))
         self._counts = tuple(counts_per_rev)
         self._boot = boot
@@ -119,7 +119,7 @@ class Endpoint:
     def tick(self, now_us: int) -> bytes:
         """Return the samples due by ``now_us`` (device's clock, µs) as bytes for the host."""
         out = b""
-        while (due := self._next_sample_us()) is not None and due <= now_us:
+        while (due := self.next_us()) is not None and due <= now_us:
             skipped = max(0, self._resumed_us - due) // self._period_us
             read_us = self._resumed_us if skipped else due
             self._advance(read_us)
@@ -146,10 +146,6 @@ class Endpoint:
         """
         self._resumed_us = now_us
 
-    def next_us(self) -> int | None:
-        """Return when the stream's next sample is due (device's clock, µs); None: no stream."""
-        return self._next_sample_us()
-
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
         """Set zero volts at ``now_us``; return the samples up to then, as bytes.
 
@@ -157,13 +153,8 @@ class Endpoint:
         stall (``flag`` 4), USB control request. The next samples report ``cause`` and ``flag``.
         """
         out = self.tick(now_us)
-        self._amplifier.stop(now_us, cause, flag)
+        self.amplifier.stop(now_us, cause, flag)
         return out
-
-    @property
-    def amplifier(self) -> Amplifier:
-        """Return the emulated amplifier, for transports and tests."""
-        return self._amplifier
 
     @property
     def truth(self) -> Truth:
@@ -171,7 +162,7 @@ class Endpoint:
         return self._device.plant.truth
 
     def _reply(self, frame: Frame | Unknown) -> bytes:
-        amplifier, now = self._amplifier, self._now
+        amplifier, now = self.amplifier, self._now
         match frame:
             case CommandFrame():
                 if amplifier.command(now, frame.number, frame.front_uV, frame.back_uV):
@@ -208,7 +199,7 @@ class Endpoint:
                 return self._ack(frame.number, kind, Code.UNKNOWN_TYPE)
 
     def _arm(self, arm: Arm) -> bytes:
-        amplifier = self._amplifier
+        amplifier = self.amplifier
         code = amplifier.arm_code(arm.ticket)
         watchdog_us = arm.watchdog_us or amplifier.own_watchdog_us
         if code == Code.OK and (
@@ -227,7 +218,8 @@ class Endpoint:
         self._grid_us, self._steps = now, 0
         return self._ack(arm.number, Type.ARM) + self._sample(now)
 
-    def _next_sample_us(self) -> int | None:
+    def next_us(self) -> int | None:
+        """Return when the stream's next sample is due (device's clock, µs); None: no stream."""
         if not self._period_us:
             return None
         return self._armed_us + (self._streamed + 1) * self._period_us
@@ -235,7 +227,7 @@ class Endpoint:
     def _advance(self, now_us: int) -> None:
         """Simulate the control periods that end by ``now_us`` (µs), then check the watchdog."""
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
-            volts = self._amplifier.mean_V(end)
+            volts = self.amplifier.mean_V(end)
             self._steps += 1
             if self._device.held:
                 continue
@@ -245,12 +237,12 @@ class Endpoint:
             trip = plant.trip() if isinstance(plant, FaultyPlant) else None
             if trip is not None:
                 flag, cause = trip
-                self._amplifier.stop(end, cause, flag)
-        self._amplifier.advance(now_us)
+                self.amplifier.stop(end, cause, flag)
+        self.amplifier.advance(now_us)
         self._now = now_us
 
     def _sample(self, now_us: int) -> bytes:
-        amplifier, device = self._amplifier, self._device
+        amplifier, device = self.amplifier, self._device
         front, back = amplifier.output_uV(now_us)
         device.v = (front / 1e6, back / 1e6)
         roll, pitch, yaw = device.plant.counts
@@ -269,11 +261,11 @@ class Endpoint:
         return wire(frame)
 
     def _ack(self, number: int, request: int, code: Code = Code.OK) -> bytes:
-        a = self._amplifier
+        a = self.amplifier
         return wire(Ack(number, request, code, a.flags, a.cause, a.ticket))
 
     def _identity(self, number: int) -> bytes:
-        a = self._amplifier
+        a = self.amplifier
         roll, pitch, yaw = self._counts
         model, serial, firmware = self._texts
         return wire(
@@ -284,7 +276,7 @@ class Endpoint:
         )  # fmt: skip
 
     def _report(self, number: int) -> bytes:
-        a = self._amplifier
+        a = self.amplifier
         return wire(
             Report(
                 number, _u32(self._frames), _u32(self._splitter.malformed), _u32(self._refused),

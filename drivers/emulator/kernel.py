@@ -48,10 +48,7 @@ BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in at.Stage)
 def _call(
     typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
 ) -> Any:
-    """Call the effect's compiled function at the memory address ``address`` (numba intrinsic).
-
-    The function gets the arguments ``s`` … ``out``, which `plant_effects` defines.
-    """
+    """Call the effect's function at ``address`` with the arguments that `plant_effects` defines."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         types = [context.get_value_type(t) for t in signature.args[1:]]
@@ -82,11 +79,7 @@ def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-unt
 
 @njit(error_model="numpy")
 def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
-    """Apply dry friction and mechanical stops to ``state`` (angles, rates) after a substep.
-
-    ``h``: substep, s; ``dry``: largest friction torque of each axis, N·m; ``body``: parameters
-    (`plant_layout`).
-    """
+    """Apply dry friction (limits ``dry``, N·m) and mechanical stops after a substep of h s."""
     low, high = body[LOW : LOW + 3], body[HIGH : HIGH + 3]
     active = False
     for i in range(3):

@@ -114,11 +114,7 @@ class Vibration:
 
 @njit(cache=True)
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
-    """Return the torques w[0] … w[n−1] in N·m, with w[k+1] = ``a`` w[k] + drive[k].
-
-    ``w`` (3,): at entry w[0]; overwritten with w[n], the first row of the next call. ``drive``
-    (n, 3): random numbers, N·m; ``a``: factor per control period.
-    """
+    """Return torques w[0] … w[n−1] (N·m), w[k+1] = ``a`` w[k] + drive[k]; ``w`` becomes w[n]."""
     block = np.empty_like(drive)
     for k in range(len(drive)):
         for i in range(3):

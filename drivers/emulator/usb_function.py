@@ -42,10 +42,10 @@ CONFIGURATION = (
 class UsbFunction:
     """Emulated USB device. `control`, `receive`, `send` return None to reply STALL (an error)."""
 
-    def __init__(self, endpoint: Endpoint, serial: str, *, configured: bool = True) -> None:
+    def __init__(self, endpoint: Endpoint, serial: str) -> None:
         self.endpoint = endpoint
         self.serial = serial
-        self.configuration = int(configured)
+        self.configuration = 1
         self.halted: set[int] = set()
         """Pipes that stall until the host clears them"""
         self.stuck: set[int] = set()

@@ -28,12 +28,8 @@ class DescriptorLine:
     def __init__(self, fd: int, name: str, release: Callable[[], None]) -> None:
         os.set_blocking(fd, False)
         self._fd = fd
-        self._name = name
+        self.name = name
         self._release: Callable[[], None] | None = release
-
-    @property
-    def name(self) -> str:
-        return self._name
 
     def write(self, data: bytes) -> None:
         """Send all of ``data``. Raises DeviceError if the port is gone or blocks too long."""
@@ -44,10 +40,10 @@ class DescriptorLine:
             except BlockingIOError:
                 left = until - time.monotonic()
                 if left <= 0:
-                    raise _full(self._name) from None
+                    raise _full(self.name) from None
                 select.select([], [self._fd], [], left)
             except OSError as problem:
-                raise gone(self._name, problem) from problem
+                raise gone(self.name, problem) from problem
 
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived; b"" when none arrive within ``timeout_s`` seconds."""
@@ -59,16 +55,10 @@ class DescriptorLine:
         except BlockingIOError:
             return b""
         except OSError as problem:
-            raise gone(self._name, problem) from problem
+            raise gone(self.name, problem) from problem
         if not data and self._hung_up():
-            raise gone(self._name, None)
+            raise gone(self.name, None)
         return data
-
-    def flush_input(self) -> None:
-        """Discard the bytes that have arrived from the device and were not read yet."""
-        for _ in range(64):
-            if not self.read(0.0):
-                return
 
     def close(self) -> None:
         release, self._release = self._release, None
@@ -94,7 +84,7 @@ class DescriptorLine:
 
     def _open_fd(self) -> int:
         if self._release is None:
-            raise gone(self._name, None)
+            raise gone(self.name, None)
         return self._fd
 
 

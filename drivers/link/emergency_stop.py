@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from heli3dof.rig.interface import Flags
 
 from .errors import not_stopped
-from .frames import Ack, Estop, Frame, SampleFrame, Type, wire
+from .frames import Ack, Estop, Type, wire
 from .request_reply import RequestClient, Transport
 
 STOP_EVERY_S = 20e-3
@@ -20,28 +19,12 @@ to one whose port another program has open. It is smaller because that program n
 bytes that this one reads"""
 
 
-def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
-    """Return a function that recognises the ACK of a request of type ``request``.
-
-    The function takes a frame and a set of request numbers. It returns the frame if this is the ACK
-    of such a request with one of the numbers, else None.
-    """
-
-    def match(frame: Frame, numbers: set[int]) -> Ack | None:
-        if isinstance(frame, Ack) and frame.request == request and frame.number in numbers:
-            return frame
-        return None
-
-    return match
-
-
 def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
     """Send the emergency stop, up to ``tries`` times, `STOP_EVERY_S` seconds apart.
 
     Returns True once an ACK or a sample shows that the device has stopped, else False. If another
     program reads from the same port, this program receives only some of the replies and samples.
     """
-    is_ack = ack_of(Type.ESTOP)
     numbers: set[int] = set()
     for attempt in range(tries):
         number = client.next_number()
@@ -50,15 +33,13 @@ def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
         client.send(wire(Estop(number)))
         until = time.monotonic() + STOP_EVERY_S
         while (left := until - time.monotonic()) > 0:
-            if any(is_ack(frame, numbers) for frame in client.receive(left)):
+            acks = [f for f in client.receive(left) if isinstance(f, Ack)]
+            if any(a.request == Type.ESTOP and a.number in numbers for a in acks):
                 return True
-            if any(_is_stopped(sample) for sample, _ in client.samples):
+            flags = [sample.flags for sample, _ in client.samples]
+            if any(f & Flags.ESTOP and not f & Flags.ENABLED for f in flags):
                 return True
     return False
-
-
-def _is_stopped(sample: SampleFrame) -> bool:
-    return bool(sample.flags & Flags.ESTOP) and not sample.flags & Flags.ENABLED
 
 
 def stop_over(transport: Transport, *, shared: bool = False) -> str:

@@ -20,7 +20,7 @@ import enum
 from binascii import crc_hqx
 from dataclasses import dataclass
 from struct import Struct, pack
-from typing import ClassVar, Final
+from typing import ClassVar, Final, get_args
 
 from cobs.cobs import DecodeError, decode, encode
 
@@ -262,13 +262,7 @@ Frame = (
     Hello | Arm | CommandFrame | Poll | Disarm | Estop | Status
     | IdentityFrame | Ack | SampleFrame | Report
 )  # fmt: skip
-_KINDS: dict[int, type[Frame]] = {
-    int(k.TYPE): k
-    for k in (
-        Hello, Arm, CommandFrame, Poll, Disarm, Estop, Status,
-        IdentityFrame, Ack, SampleFrame, Report,
-    )
-}  # fmt: skip
+_KINDS: dict[int, type[Frame]] = {int(k.TYPE): k for k in get_args(Frame)}
 _LENGTHS = {t: _HEADER.size + k.BODY.size + 4 for t, k in _KINDS.items()}
 _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from heli3dof.axes import AXES
 from heli3dof.errors import DeviceError
 
-from .frames import VERSION, Ack, Frame, Hello, IdentityFrame, Type, decoded
+from .frames import VERSION, Ack, Hello, IdentityFrame, decoded
 from .request_reply import REPLY_TIMEOUT_S, RequestClient
 
 if TYPE_CHECKING:
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 TRIES = 12
 """HELLO requests: a board that restarts when its port is opened needs up to 2 s to reply"""
+FLUSHES = 64
+"""Largest number of reads that discard bytes which arrived before the first request"""
 
 
 def identify(client: RequestClient) -> IdentityFrame:
@@ -24,15 +26,12 @@ def identify(client: RequestClient) -> IdentityFrame:
     protocol version.
     """
     transport = client.transport
-    transport.flush_input()
+    for _ in range(FLUSHES):
+        if not transport.read(0.0):
+            break
     transport.write(b"\0")
 
-    def match(frame: Frame, numbers: set[int]) -> IdentityFrame | Ack | None:
-        if not isinstance(frame, IdentityFrame | Ack) or frame.number not in numbers:
-            return None
-        return None if isinstance(frame, Ack) and frame.request != Type.HELLO else frame
-
-    reply = client.request(Hello, match, tries=TRIES)
+    reply = client.request(Hello, (IdentityFrame, Ack), tries=TRIES)
     if isinstance(reply, IdentityFrame):
         if reply.version != VERSION:
             raise _other_version(transport.name, reply.version)

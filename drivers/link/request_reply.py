@@ -14,14 +14,14 @@ from typing import Protocol, TypeVar
 
 from heli3dof.rig.histogram import Histogram
 
-from .frames import Frame, SampleFrame, Splitter, wire
+from .frames import Ack, Frame, SampleFrame, Splitter, wire
 
 TRIES = 3
 REPLY_TIMEOUT_S = 0.2
 """s that each attempt waits for its reply"""
 TAIL = 256
 """Most recent bytes that are kept to describe an unknown device"""
-F = TypeVar("F")
+F = TypeVar("F", bound=Frame)
 
 
 class Transport(Protocol):
@@ -42,10 +42,6 @@ class Transport(Protocol):
 
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived; b"" if none arrive within ``timeout_s`` seconds."""
-        ...
-
-    def flush_input(self) -> None:
-        """Discard the bytes that have arrived from the device and were not read yet."""
         ...
 
     def close(self) -> None:
@@ -139,34 +135,36 @@ class RequestClient:
     def request(
         self,
         make: Callable[[int], Frame],
-        match: Callable[[Frame, set[int]], F | None],
+        reply: type[F] | tuple[type[F], ...],
         *,
         tries: int = TRIES,
     ) -> F | None:
         """Send a request up to ``tries`` times; return its reply, or None if no attempt got one.
 
-        ``make(number)`` returns the request frame with this number. ``match(frame, numbers)`` is
-        called with each received frame and the numbers of all attempts. ``match`` returns the frame
-        if it is the reply, else None. Each attempt waits `REPLY_TIMEOUT_S`.
+        ``make(number)`` returns the request frame with this number. ``reply``: the class of the
+        reply frame, which has the number of any attempt. An `Ack` is the reply if it names the
+        request's type. Each attempt waits `REPLY_TIMEOUT_S`.
         """
         numbers: set[int] = set()
         self.tail = b""
         for attempt in range(tries):
-            number = self.next_number()
-            numbers.add(number)
+            frame = make(self.next_number())
+            numbers.add(frame.number)
             self.statistics.retries += attempt > 0
             sent_s = time.monotonic()
-            self.send(wire(make(number)))
+            self.send(wire(frame))
             deadline = time.monotonic() + REPLY_TIMEOUT_S
             while (left := deadline - time.monotonic()) > 0:
                 data = self.transport.read(left)
                 self.tail = (self.tail + data)[-TAIL:]
-                for frame in self._process(data):
-                    reply = match(frame, numbers)
-                    if reply is not None:
-                        self.round_trip_s = time.monotonic() - sent_s
-                        self.statistics.round_trip.add(self.round_trip_s)
-                        return reply
+                for other in self._process(data):
+                    if not isinstance(other, reply) or other.number not in numbers:
+                        continue
+                    if isinstance(other, Ack) and other.request != frame.TYPE:
+                        continue
+                    self.round_trip_s = time.monotonic() - sent_s
+                    self.statistics.round_trip.add(self.round_trip_s)
+                    return other
         return None
 
     def drain(self) -> None:

@@ -25,8 +25,8 @@ from heli3dof.errors import DeviceError
 from heli3dof.rig.clock import CLOCK_TOLERANCE, wait_until, wrapped_difference_s
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from ..rig_errors import closed, not_a_voltage, not_armed
-from .emergency_stop import SHARED_TRIES, STOP_TRIES, ack_of, stop
+from ..errors import closed, not_a_voltage, not_armed
+from .emergency_stop import SHARED_TRIES, STOP_TRIES, stop
 from .errors import (
     gone_silent,
     no_valid_sample,
@@ -41,17 +41,15 @@ from .frames import (
     Code,
     Disarm,
     Estop,
-    Frame,
     Hello,
     IdentityFrame,
     Report,
     Status,
-    Type,
     command,
     wire,
 )
 from .handshake import check_profile, identify, period_of
-from .request_reply import TRIES, LinkStatistics, RequestClient, Transport
+from .request_reply import TRIES, RequestClient, Transport
 from .sample_validation import SampleValidator, cause_name
 from .sampling import Sampling
 
@@ -89,7 +87,9 @@ class LinkRig:
         """
         self._transport = transport
         self._client = RequestClient(transport)
-        self._validator = SampleValidator(self._client.statistics)
+        self.statistics = self._client.statistics
+        """The connection's counters since it was opened"""
+        self._validator = SampleValidator(self.statistics)
         self._stream = stream
         self._samples = Sampling(self._client, self._validator)
         self._streaming = False
@@ -110,16 +110,7 @@ class LinkRig:
         wanted_us = reply.watchdog_us if watchdog_s is None else round(watchdog_s * 1e6)
         self._watchdog_us = max(wanted_us, 3 * self._period_us)
         started_s = None if uptime_s is None else time.time() - uptime_s
-        self._identity = _identity(reply, driver, stream, self._watchdog_us, started_s)
-
-    @property
-    def identity(self) -> Identity:
-        return self._identity
-
-    @property
-    def statistics(self) -> LinkStatistics:
-        """Return the connection's counters since it was opened."""
-        return self._client.statistics
+        self.identity = _identity(reply, driver, stream, self._watchdog_us, started_s)
 
     @property
     def device_cause(self) -> str | None:
@@ -135,7 +126,9 @@ class LinkRig:
         if (problem := self._connection_error()) is not None:
             raise problem
         for _ in range(TRIES):
-            disarmed = self._disarm()
+            disarmed = self._client.request(Disarm, Ack)
+            if disarmed is None:
+                raise self._no_sample()
             # A later stop changes the ticket: the device then refuses to arm.
             self.check_permission()
             self._samples.discard_stale()
@@ -199,7 +192,7 @@ class LinkRig:
     def report(self) -> Report | None:
         """Return the device's own counters; None if it does not reply."""
         self._check_open()
-        return self._client.request(Status, _report)
+        return self._client.request(Status, Report)
 
     def close(self) -> None:
         """Set zero volts, disable the amplifier and close the connection.
@@ -214,7 +207,7 @@ class LinkRig:
             if not self._armed_here:
                 return
             tries = 1 if self._gone else TRIES
-            if self._client.request(Disarm, ack_of(Type.DISARM), tries=tries) is None:
+            if self._client.request(Disarm, Ack, tries=tries) is None:
                 self._client.send(wire(Estop(0)))
         except DeviceError:
             pass  # unplugged: the device's watchdog stops the motors
@@ -222,21 +215,14 @@ class LinkRig:
             self._transport.close()
 
     def _request_arm(self, ticket: int) -> Ack | None:
-        # The Ack carries the ARM's number; a second attempt is a new ARM after a DISARM.
+        # One attempt: a second one is a new ARM, with a new ticket.
         period_us = self._period_us if self._stream else 0
         number = self._validator.arm(period_us)
-        is_ack = ack_of(Type.ARM)
-        return self._client.request(
-            lambda _: Arm(number, ticket, period_us, self._watchdog_us),
-            lambda frame, _: is_ack(frame, {number}),
-            tries=1,
-        )
+        arm = Arm(number, ticket, period_us, self._watchdog_us)
+        return self._client.request(lambda _: arm, Ack, tries=1)
 
     def _next_of_stream(self) -> Sample:
-        """Return the stream's next sample, or a polled one if the stream has ended.
-
-        Raises DeviceError if the device is gone or has restarted.
-        """
+        """Return the stream's next sample; if the stream has ended, a polled one."""
         sample = self._samples.next_of_stream()
         if sample is not None:
             return sample
@@ -254,17 +240,11 @@ class LinkRig:
             raise self._no_sample()
         return sample
 
-    def _disarm(self) -> Ack:
-        ack = self._client.request(Disarm, ack_of(Type.DISARM))
-        if ack is None:
-            raise self._no_sample()
-        return ack
-
     def _no_sample(self) -> DeviceError:
         problem = self._connection_error()
         if problem is not None:
             return problem
-        report = self._client.request(Status, _report)
+        report = self._client.request(Status, Report)
         if self._samples.armed and report is not None and report.flags & Flags.LATCHED:
             return no_valid_sample(self._transport.name, *self._samples.since_valid())
         return not_ours(self._transport.name)
@@ -274,9 +254,7 @@ class LinkRig:
 
         The result is None if neither is the case.
         """
-        reply = self._client.request(
-            Hello, lambda f, n: f if isinstance(f, IdentityFrame) and f.number in n else None
-        )
+        reply = self._client.request(Hello, IdentityFrame)
         self._gone = reply is None
         if reply is None:
             return gone_silent(self._transport.name)
@@ -285,7 +263,7 @@ class LinkRig:
 
     def _uptime_s(self) -> float | None:
         """Return the seconds since the device started, modulo 2³² ms; None if it does not reply."""
-        report = self._client.request(Status, _report)
+        report = self._client.request(Status, Report)
         return None if report is None else report.uptime_ms / 1e3
 
     def _uptime_fell_back(self) -> bool:
@@ -303,10 +281,6 @@ class LinkRig:
 
 
 _SINCE_ARMED = Flags.ENABLED | Flags.FAULT | Flags.STALL | Flags.LATCHED | Flags.ESTOP
-
-
-def _report(frame: Frame, numbers: set[int]) -> Report | None:
-    return frame if isinstance(frame, Report) and frame.number in numbers else None
 
 
 def _microvolts(volts: float) -> int:

@@ -35,11 +35,7 @@ class PyserialLine:
 
     def __init__(self, port: Serial, name: str) -> None:
         self._port = port
-        self._name = name
-
-    @property
-    def name(self) -> str:
-        return self._name
+        self.name = name
 
     def write(self, data: bytes) -> None:
         """Send all of ``data``. Raises DeviceError if the port is gone or closed."""
@@ -57,10 +53,6 @@ class PyserialLine:
 
         return self._called(read)
 
-    def flush_input(self) -> None:
-        """Discard the bytes that have arrived from the device and were not read yet."""
-        self._called(self._port.reset_input_buffer)
-
     def close(self) -> None:
         try:
             self._port.close()
@@ -74,7 +66,7 @@ class PyserialLine:
             return call()
         except (SerialException, OSError, TypeError) as problem:
             # pyserial raises TypeError for a port that was closed meanwhile.
-            raise gone(self._name, problem) from problem
+            raise gone(self.name, problem) from problem
 
 
 def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transport:

@@ -1,11 +1,14 @@
-"""Describes the serial ports: which exist, which process uses one, an adapter's latency."""
+"""Describes and checks the serial ports: which exist, which process uses one, latency."""
 
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from heli3dof.rig.interface import Check
 
 QUICK_MS = 1
 """ms, the shortest FTDI latency timer"""
@@ -155,3 +158,47 @@ def permission_fix(path: str) -> str:
 
         return install_command()
     return f"sudo usermod -aG {group} $USER, then log in again"
+
+
+def checks(path: str) -> Sequence[Check]:
+    """Return checks of the closed port ``path``: file, permission, programs using it, latency."""
+    if not os.path.exists(path):
+        there = ", ".join(usb_ports()) or "none on USB"
+        return (Check("port", f"{path} is not there (ports: {there})", False, "plug the rig in"),)
+    if not stat.S_ISCHR(os.stat(path).st_mode):
+        return (Check("port", f"{path} is not a serial port", False, "heli3dof devices"),)
+    return (Check("port", path, True), _permission(path), _holder(path), _latency(path))
+
+
+def _permission(path: str) -> Check:
+    if os.access(path, os.R_OK | os.W_OK):
+        return Check("permission", "this user may open it", True)
+    return Check(
+        "permission", "this user has no permission to open it", False, permission_fix(path)
+    )
+
+
+def _holder(path: str) -> Check:
+    what = "held by"
+    if locked := lockers(path):
+        fix = f"wait until it ends; if it runs no rig: kill {locked[0][0]}"
+        return Check(what, f"{named(locked)}: locked", False, fix)
+    if opened := holders(path):
+        fix = "end it if it uses the port too; an emulated rig keeps its own end open"
+        return Check(what, f"no lock, but open in {named(opened)}", None, fix)
+    return Check(what, "no visible process", True)
+
+
+def _latency(path: str) -> Check:
+    timer = latency_timer(path)
+    if timer is None:
+        return Check("latency timer", "the adapter has none", True)
+    ms, file = timer
+    if ms <= QUICK_MS:
+        return Check("latency timer", f"{ms} ms", True)
+    return Check(
+        "latency timer",
+        f"{ms} ms: samples arrive in bursts",
+        False,
+        f"echo {QUICK_MS} | sudo tee {file}",
+    )

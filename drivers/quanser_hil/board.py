@@ -45,7 +45,7 @@ class Board:
 
     def __init__(self, hardware: Any, wiring: Wiring) -> None:
         """Open the board and leave its outputs as they are; ``hardware``: the vendor's module."""
-        self._hardware = hardware
+        self.hardware = hardware
         self._wiring = wiring
         self.error: type[Exception] = hardware.HILError
         self._motors = array("I", wiring.motors)
@@ -63,7 +63,7 @@ class Board:
 
         The URL option ``counts=zero`` also sets the encoder counts to zero.
         """
-        hil, hardware = self._hil, self._hardware
+        hil, hardware = self._hil, self.hardware
         self.watchdog_clear()
         self.write_volts(0.0, 0.0)
         ends = [array("d", [end, end]) for end in (-DAC_V, DAC_V)]
@@ -88,13 +88,9 @@ class Board:
     def firmware(self) -> str:
         """Return the board's firmware version, or "unknown"."""
         # No method reads the serial number, because the vendor's wrapper passes C only one byte.
-        names = self._hardware.IntegerProperty
+        names = self.hardware.IntegerProperty
         version = self._properties(names.FIRMWARE_MAJOR_VERSION, names.FIRMWARE_MINOR_VERSION)
         return "unknown" if version is None else f"{version[0]}.{version[1]}"
-
-    def version(self) -> str:
-        """Return the version of the vendor's HIL library, or "unknown"."""
-        return version_of(self._hardware)
 
     def write_volts(self, front: float, back: float) -> None:
         """Set the motor voltages in V; the board outputs them divided by the amplifier gain.
@@ -138,7 +134,7 @@ class Board:
             self._set_expiration(self._motors, self._enable)
             hil.watchdog_start(timeout_s)
         except self.error as error:
-            names = self._hardware.IntegerProperty
+            names = self.hardware.IntegerProperty
             if code_of(error) not in EVERY_OUTPUT:
                 raise
             outputs = self._properties(
@@ -155,7 +151,7 @@ class Board:
         Analog outputs go to 0 V, enable lines to the level that disables, other lines to tristate.
         The Q8 series accepts only tristate, so there all lines go to tristate.
         """
-        hil, states, n = self._hil, self._hardware.DigitalState, len(lines)
+        hil, states, n = self._hil, self.hardware.DigitalState, len(lines)
         hil.watchdog_set_analog_expiration_state(
             analog, len(analog), array("d", [0.0] * len(analog))
         )
@@ -201,7 +197,7 @@ class Board:
         """
         hil = self._hil
         task = hil.task_create_encoder_reader(samples, self._encoders, 3)
-        clock = self._hardware.Clock.HARDWARE_CLOCK_0 + self._wiring.clock
+        clock = self.hardware.Clock.HARDWARE_CLOCK_0 + self._wiring.clock
         try:
             hil.task_start(task, clock, rate_hz, getattr(hil, "INFINITE", FOREVER))
         except self.error:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Check
 
-from ..rig_errors import watchdog_too_short
+from ..errors import watchdog_too_short
 from .board import Board, library, version_of
 from .error_codes import explained, no_enable_line
 

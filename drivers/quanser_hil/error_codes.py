@@ -12,7 +12,7 @@ from enum import IntEnum
 
 from heli3dof.errors import DeviceError
 
-from ..error_templates import ErrorTable, ErrorTemplate, each
+from ..errors import ErrorTable, ErrorTemplate
 
 
 class Qerr(IntEnum):
@@ -91,7 +91,7 @@ ERRORS: ErrorTable = {
         "plug it in and wait for its light; the URL is quanser://BOARD/NUMBER, "
         "e.g. quanser://q8_usb/0",
     ),
-    **each(
+    **dict.fromkeys(
         (Qerr.UNRECOGNIZED_BOARD_TYPE, Qerr.INVALID_BOARD_IDENTIFIER),
         ErrorTemplate(
             "{name}: the HIL library does not know this board name.",
@@ -100,7 +100,7 @@ ERRORS: ErrorTable = {
             "the names are in the HIL documentation: q8_usb, q2_usb, qpid_e, ...",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         _BUSY,
         ErrorTemplate(
             "{name} is in use.",
@@ -113,7 +113,7 @@ ERRORS: ErrorTable = {
         "the system does not give this user access to the board.",
         "sudo apt-get install --reinstall quanser-sdk, then plug the board in again",
     ),
-    **each(
+    **dict.fromkeys(
         (Qerr.UNABLE_TO_OPEN_DRIVER, Qerr.LIBRARY_NOT_FOUND),
         ErrorTemplate(
             "{name}: the board's driver does not load.",
@@ -121,7 +121,7 @@ ERRORS: ErrorTable = {
             "install the Quanser SDK again, for this board's type",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         (Qerr.INVALID_LICENSE, Qerr.MISSING_LICENSE_FILE),
         ErrorTemplate(
             "{name}: the HIL library has no valid licence.",
@@ -129,7 +129,7 @@ ERRORS: ErrorTable = {
             "renew the licence, or install the Quanser SDK instead of QUARC",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         OVERRUN,
         ErrorTemplate(
             "{name}: samples were lost: the board's buffer overflowed while {doing}.",
@@ -137,7 +137,7 @@ ERRORS: ErrorTable = {
             "heli3dof doctor; close the programs that keep this machine busy",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         (*_GONE, Qerr.TIMED_OUT),
         ErrorTemplate(
             "{name} was lost while {doing}.",
@@ -151,7 +151,7 @@ ERRORS: ErrorTable = {
         "another program times its samples with it.",
         "end that program, or use another clock: clock=1",
     ),
-    **each(
+    **dict.fromkeys(
         _CLOCK,
         ErrorTemplate(
             "{name}: the board's clock cannot run at the profile's rate.",
@@ -159,7 +159,7 @@ ERRORS: ErrorTable = {
             "lower [loop] rate_hz in the profile, or use another clock: clock=1",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         _CHANNEL,
         ErrorTemplate(
             "{name}: the board has no such channel.",
@@ -167,7 +167,7 @@ ERRORS: ErrorTable = {
             "look at the terminal board and write each channel into the URL",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         EVERY_OUTPUT,
         ErrorTemplate(
             "{name} cannot be used: its watchdog needs the state of every output.",
@@ -175,7 +175,7 @@ ERRORS: ErrorTable = {
             "update the board's firmware and the HIL library",
         ),
     ),
-    **each(
+    **dict.fromkeys(
         _NO_WATCHDOG,
         ErrorTemplate(
             "{name} cannot be used: its watchdog cannot switch the outputs off.",

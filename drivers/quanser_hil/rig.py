@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from ..rig_errors import closed, not_a_voltage, not_armed
-from .board import DAC_V, Board
+from ..errors import closed, not_a_voltage, not_armed
+from .board import DAC_V, Board, version_of
 from .error_codes import explain, explained, not_stopped, task_ended
-from .stream import EncoderStream, Ended, Overrun, StreamStatistics
+from .stream import EncoderStream, Ended, Overrun
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -56,6 +56,8 @@ class QuanserRig:
         self._saturated = False
         self._sequence = 0
         self._stream = EncoderStream(board, profile.dt)
+        self.statistics = self._stream.statistics
+        """Counts of the board's samples since it was opened"""
         self.limit_V = min(profile.motor.v_max, DAC_V * wiring.gain)
         try:
             with explained(board.error, name, "switching its outputs off"):
@@ -66,27 +68,18 @@ class QuanserRig:
                 board.close()
             raise
         e = profile.encoder
-        self._identity = Identity(
+        self.identity = Identity(
             driver="quanser",
             model=f"Quanser {wiring.board}",
             serial=f"{wiring.board}-{wiring.number}",
             firmware=board.firmware(),
-            protocol=f"HIL {board.version()}",
+            protocol=f"HIL {version_of(board.hardware)}",
             counts_per_rev=(e.roll, e.pitch, e.yaw),
             v_max=self.limit_V,
             watchdog_s=wiring.watchdog_s,
             timebase="device",
             emulated=False,
         )
-
-    @property
-    def identity(self) -> Identity:
-        return self._identity
-
-    @property
-    def statistics(self) -> StreamStatistics:
-        """Return counts of the board's samples since it was opened."""
-        return self._stream.statistics
 
     @property
     def device_cause(self) -> str | None:
@@ -155,7 +148,7 @@ class QuanserRig:
             return
         problem = self._switch_off()
         if problem is not None and not self._board.watchdog_expired():
-            raise not_stopped(self._name, problem, self._identity.watchdog_s, self._watching)
+            raise not_stopped(self._name, problem, self.identity.watchdog_s, self._watching)
 
     def close(self) -> None:
         """Set zero volts, disable the amplifier, stop watchdog and task, and close the board.

@@ -109,17 +109,13 @@ class EncoderStream:
         if task is not None:
             self._board.task_end(task)
 
-    def discard_waiting(self) -> None:
-        """Discard the samples that are waiting in the board's buffer."""
-        self._drain()
-
     def next(self) -> Counts:
         """Return the counts of the next sample, or of the newest if several are waiting."""
         counts = self._read(1)
-        return self._drain() or counts
+        return self.discard_waiting() or counts
 
-    def _drain(self) -> Counts | None:
-        """Read all samples in the buffer; return the newest counts, or None without samples."""
+    def discard_waiting(self) -> Counts | None:
+        """Read the samples that are waiting in the board's buffer; return the newest, or None."""
         counts: Counts | None = None
         while waiting := self._waiting():
             start = time.monotonic()

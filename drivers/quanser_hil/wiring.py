@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 from heli3dof.errors import UsageError
 from heli3dof.rig.url import DeviceUrl
 
-from ..url_options import UrlOptions, expected
+from ..options import UrlOptions, expected
 
 CHANNELS = 1000
 """Bound of the channel numbers: more than any board has"""

@@ -202,20 +202,9 @@ def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
     serial = on.serial or "not readable"
     checks.append(Check("USB rig", f"{on.url}, serial number {serial}, speed {speed}", True))
     if sys.platform.startswith("linux") and on.node.exists():
-        checks += _on_linux(on)
-    return checks
-
-
-def _on_linux(on: OnBus) -> list[Check]:
-    permitted = os.access(on.node, os.R_OK | os.W_OK)
-    checks = [
-        Check(
-            "permission",
-            f"this user {'may' if permitted else 'may not'} open {on.node}",
-            permitted,
-            "" if permitted else install_command(),
-        )
-    ]
-    if holder := on.holder():
-        checks.append(Check("in use", f"by {holder}", None, "end it before a run"))
+        may = os.access(on.node, os.R_OK | os.W_OK)
+        found = f"this user {'may' if may else 'may not'} open {on.node}"
+        checks.append(Check("permission", found, may, "" if may else install_command()))
+        if holder := on.holder():
+            checks.append(Check("in use", f"by {holder}", None, "end it before a run"))
     return checks

@@ -85,10 +85,4 @@ def open_on(
 
     on = select(bus, url.text, url.where if where is None else where)
     transport = UsbTransport(on.device, url.text, write_s=options.timeout_s, holder=on.holder)
-    return UsbRig(
-        transport,
-        profile,
-        stream=options.stream == "1",
-        watchdog_s=options.watchdog_s,
-        signs=options.signs,
-    )
+    return UsbRig(transport, profile, **options.of_rig)

@@ -13,7 +13,7 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
-from ..error_templates import ErrorTable, ErrorTemplate, each
+from ..errors import ErrorTable, ErrorTemplate
 from ..udev import install_command
 
 NO_LIBUSB = {
@@ -44,7 +44,7 @@ ERRORS: ErrorTable = {
         "its firmware hangs, or another device occupies the bus.",
         "switch the amplifier off and on; plug the rig in without a hub",
     ),
-    **each(
+    **dict.fromkeys(
         (errno.EACCES, errno.EPERM),
         ErrorTemplate(
             "{name}: this user has no permission to open it.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Sample
@@ -20,19 +20,10 @@ if TYPE_CHECKING:
 class UsbRig(LinkRig):
     """An open rig on USB bulk pipes; implements `heli3dof.rig.interface.Rig`."""
 
-    def __init__(
-        self,
-        pipe: UsbTransport,
-        profile: Profile,
-        *,
-        stream: bool,
-        watchdog_s: float | None,
-        signs: str,
-    ) -> None:
+    def __init__(self, pipe: UsbTransport, profile: Profile, **options: Any) -> None:
+        """``options``: those of `LinkRig`."""
         self._pipe = pipe
-        super().__init__(
-            pipe, profile, driver="usb", stream=stream, watchdog_s=watchdog_s, signs=signs
-        )
+        super().__init__(pipe, profile, driver="usb", **options)
 
     def arm(self) -> Sample:
         self._pipe.follow_scheduling()

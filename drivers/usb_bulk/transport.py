@@ -24,7 +24,7 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
-from ..rig_errors import closed
+from ..errors import closed
 from .devices import interface_of
 from .errors import explain, explained
 
@@ -75,7 +75,7 @@ class UsbTransport:
         ``name``: the rig's URL. ``write_s``: time limit in s for the rig to accept a frame.
         ``holder`` returns the name of the process that uses a busy rig.
         """
-        self._name = name
+        self.name = name
         self._device = device
         self._write_s = write_s
         self._open = True
@@ -87,10 +87,6 @@ class UsbTransport:
         self._ended: DeviceError | None = None
         self._reader = threading.Thread(target=self._read_loop, name=f"{name} in", daemon=True)
         self._reader.start()
-
-    @property
-    def name(self) -> str:
-        return self._name
 
     def write(self, data: bytes) -> None:
         """Send all of ``data``; raises DeviceError if the rig does not accept it in time."""
@@ -109,7 +105,7 @@ class UsbTransport:
             data = data[sent:]
             if data and time.monotonic() >= deadline:
                 timeout = usb.core.USBTimeoutError("timeout", errno=errno.ETIMEDOUT)
-                raise explain(timeout, self._name, "taking a frame")
+                raise explain(timeout, self.name, "taking a frame")
 
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived; b"" if none arrive within ``timeout_s`` seconds."""
@@ -127,18 +123,10 @@ class UsbTransport:
             raise self._ended
         return b"".join(out)
 
-    def flush_input(self) -> None:
-        """Discard the bytes that have arrived from the device and were not read yet."""
-        with suppress(queue.Empty):
-            while True:
-                item = self._received.get_nowait()
-                if isinstance(item, DeviceError):
-                    self._ended = item
-
     def stop(self, reason: int) -> None:
         """Set zero volts now, by a control request; ``reason`` is a number of `Cause`."""
         self._check_open()
-        stop(self._device, reason, self._name)
+        stop(self._device, reason, self.name)
 
     def follow_scheduling(self) -> None:
         """Give the reading thread the calling thread's scheduling policy and priority.
@@ -181,7 +169,7 @@ class UsbTransport:
         except DeviceError as error:
             self._received.put(error)
         except Exception as error:  # `read` must raise whatever ends this thread
-            self._received.put(explain(error, self._name, "sending a sample"))
+            self._received.put(explain(error, self.name, "sending a sample"))
 
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
         """If ``error`` is a stall of ``pipe``, clear the stall; else raise a DeviceError.
@@ -190,14 +178,14 @@ class UsbTransport:
         DeviceError. ``doing``: the operation that failed, as text.
         """
         if error.errno != errno.EPIPE or stalled:
-            raise explain(error, self._name, doing) from error
+            raise explain(error, self.name, doing) from error
         self.stalls += 1
-        with explained(self._name, "clearing a stall"):
+        with explained(self.name, "clearing a stall"):
             self._device.clear_halt(pipe)
 
     def _check_open(self) -> None:
         if not self._open:
-            raise closed(self._name)
+            raise closed(self.name)
 
 
 def _claim(device: Any, name: str) -> None:

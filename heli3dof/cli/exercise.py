@@ -134,7 +134,7 @@ def mark(
     key: Key = None,
 ) -> None:
     """Mark the answers of a class: heli3dof exercise mark answers/."""
-    from heli3dof.exercise.mark_folder import mark_folder
+    from heli3dof.exercise.marks import mark_folder
     from heli3dof.exercise.teacher_key import default_key
 
     answers = mark_folder(folder, _key(out, key or default_key()))

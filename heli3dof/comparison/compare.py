@@ -198,10 +198,7 @@ def _divergence(replayed: Replay) -> list[str]:
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return ``work()``, or None if it raises a `Heli3dofError`.
-
-    In this case, the function adds the error's text to ``reasons``.
-    """
+    """Return ``work()``; after a `Heli3dofError` None, with the error's text in ``reasons``."""
     try:
         return work()
     except Heli3dofError as error:

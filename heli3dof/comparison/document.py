@@ -21,7 +21,7 @@ settling_time_s``. `heli3dof.comparison.metrics` defines them. Undefined numbers
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -29,6 +29,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
 from heli3dof.comparison.verdict import verdict
+from heli3dof.json_values import jsonable
 
 if TYPE_CHECKING:
     from heli3dof.comparison.result import (
@@ -55,16 +56,17 @@ def comparison_document(
     ``published``: the paper's numbers, each with the number simulated here. Without any, the
     dict has no key ``published``.
     """
-    document: dict[str, Any] = {
-        "schema": SCHEMA,
-        "horizons_s": list(comparison.horizons_s),
-        "flights": [_flight(f) for f in comparison.flights],
-        "warnings": list(comparison.warnings),
-        "verdict": list(verdict(comparison)),
-    }
     rows = [row.to_dict() for row in published]
-    if rows:
-        document["published"] = rows
+    document: dict[str, Any] = jsonable(
+        {
+            "schema": SCHEMA,
+            "horizons_s": comparison.horizons_s,
+            "flights": [_flight(f) for f in comparison.flights],
+            "warnings": comparison.warnings,
+            "verdict": verdict(comparison),
+            **({"published": rows} if rows else {}),
+        }
+    )
     return document
 
 
@@ -73,7 +75,7 @@ def _flight(flight: FlightComparison) -> dict[str, Any]:
     return {
         "recording": recording.name,
         "digest": recording.digest,
-        "duration_s": _number(recording.duration),
+        "duration_s": recording.duration,
         "profile": recording.profile.name,
         "loop": flight.loop,
         "why_not_replayed": flight.why,
@@ -89,8 +91,8 @@ def _model(flight: FlightComparison, model: ModelComparison) -> dict[str, Any]:
         axes = {
             axis: {
                 **_axis(model.metrics[axis]),
-                "difference": _numbers(flight.difference(model, axis)),
-                "replay_rmse_deg": _number(model.replay_rmse_deg[i]),
+                "difference": flight.difference(model, axis),
+                "replay_rmse_deg": model.replay_rmse_deg[i],
             }
             for i, axis in enumerate(AXES)
         }
@@ -101,13 +103,13 @@ def _model(flight: FlightComparison, model: ModelComparison) -> dict[str, Any]:
         "prediction": _prediction(model.prediction),
         "diverged_at_s": model.diverged_at_s,
         "unstable_poles": [{"real": p.real, "imag": p.imag} for p in model.unstable_poles],
-        "cannot": list(model.cannot),
+        "cannot": model.cannot,
     }
 
 
 def _axis(metrics: AxisMetrics) -> dict[str, Any]:
     return {
-        **_numbers(metrics.reported.values()),
+        **metrics.reported.values(),
         "step": _step(metrics.reported),
         "steps": steps_document(metrics),
     }
@@ -115,16 +117,17 @@ def _axis(metrics: AxisMetrics) -> dict[str, Any]:
 
 def steps_document(metrics: AxisMetrics) -> list[dict[str, Any]]:
     """Return the segments of an axis' reference, each with its step metrics, as JSON types."""
-    return [{**_step(s), **_numbers(s.values())} for s in metrics.steps]
+    steps: list[dict[str, Any]] = jsonable([{**_step(s), **s.values()} for s in metrics.steps])
+    return steps
 
 
 def _step(step: StepMetrics) -> dict[str, Any]:
     return {
         "kind": step.kind,
-        "start_s": _number(step.start_s),
-        "stop_s": _number(step.stop_s),
-        "from_deg": _number(step.from_deg),
-        "set_deg": _number(step.set_deg),
+        "start_s": step.start_s,
+        "stop_s": step.stop_s,
+        "from_deg": step.from_deg,
+        "set_deg": step.set_deg,
     }
 
 
@@ -138,14 +141,5 @@ def _prediction(error: PredictionError | None) -> dict[str, Any] | None:
     }
 
 
-def _per_axis(values: np.ndarray) -> dict[str, float | None]:
-    return {axis: _number(values[i]) for i, axis in enumerate(AXES)}
-
-
-def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: _number(v) for name, v in values.items()}
-
-
-def _number(value: float) -> float | None:
-    """Return ``value``, or None for NaN and infinity, which JSON does not have."""
-    return float(value) if np.isfinite(value) else None
+def _per_axis(values: np.ndarray) -> dict[str, float]:
+    return dict(zip(AXES, values.tolist(), strict=True))

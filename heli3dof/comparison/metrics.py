@@ -228,12 +228,7 @@ def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
 def _measure(
     t: FloatArray, y: FloatArray, ref: FloatArray, segment: _Segment, resolution_deg: float
 ) -> StepMetrics:
-    """Return the step metrics of one segment.
-
-    t (N,) in s, the angle y (N,) and the reference ref (N,) in degrees cover the whole recording.
-    ``resolution_deg``, the angle of one encoder count, is the least half-width of the settling
-    band.
-    """
+    """Return the step metrics of one segment; the arguments are those of `axis_metrics`, in °."""
     rows = segment.rows
     t, y, ref = t[rows], y[rows], ref[rows]
     base = StepMetrics(segment.kind, float(t[0]), float(t[-1]), segment.from_deg, segment.set_deg)

@@ -129,10 +129,7 @@ def draw(level: int, rng: np.random.Generator) -> tuple[list[Cause], float]:
 
 
 def _cause(name: str, size: int, rng: np.random.Generator) -> Cause:
-    """Return the effect ``name`` with a value drawn near its medium or large size in `_SIZES`.
-
-    ``size``: 0 medium, 1 large.
-    """
+    """Return the effect ``name`` with a value near its medium (``size`` 0) or large (1) size."""
     effect = term(name).effect
     medium, large, way = _SIZES[name]
     null = 1.0 if way == RATIO else 0.0

@@ -42,7 +42,7 @@ class Signals:
     extra: FloatArray
     """(N, 2) V, added to the controller's output."""
     opened: FloatArray | None = None
-    """(N, 3) mode of each axis's loop (`model.control.loop_opening`); None: all closed"""
+    """(N, 3) mode of each axis's loop (`model.control.controller`); None: all closed"""
     drawn: bool = False
     """True if the signals depend on the seed"""
 

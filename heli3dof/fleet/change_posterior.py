@@ -55,6 +55,8 @@ KINDS = ("step", "two_steps", "drift", "deviating")
 SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
 Places = Mapping[str, tuple[tuple[int, ...], ...]]
+Prior = Mapping[str, float]
+"""Kind of change → its prior probability in one series of flights"""
 UNLIKE = 0.01
 """Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below 1/40,
 the probability of a step in any quantity of a rig: otherwise, with few flights, a large scatter
@@ -65,28 +67,6 @@ LEAST_SIDE = 2
 MOST_BOUNDARIES = 30
 """Most grid points for j and k of two steps. Chosen: this limits the pairs (j, k) to about 400. The
 search then computes the date of each step without a grid."""
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Prior probabilities of the kinds of change in one series of flights."""
-
-    step: float
-    two_steps: float
-    drift: float
-    deviating: float
-
-    def scaled(self, factor: float) -> Prior:
-        """Return these probabilities times ``factor``."""
-        return Prior(
-            factor * self.step, factor * self.two_steps, factor * self.drift,
-            factor * self.deviating,
-        )  # fmt: skip
-
-    @property
-    def change(self) -> float:
-        """Return the prior probability of a change of any kind."""
-        return self.step + self.two_steps + self.drift + self.deviating
 
 
 @dataclass(frozen=True)
@@ -194,11 +174,10 @@ def change_posterior(
         for kind in KINDS
     }  # fmt: skip
     constant = evidence + normal - 0.5 * (nu + freedom) * np.log(s_yy[:, None] + known)
-    log_constant = _log_sum(constant)[0] + np.log(1 - prior.change)
+    log_constant = _log_sum(constant)[0] + np.log(1 - sum(prior[kind] for kind in KINDS))
     models = {kind: _log_sum(each[kind]) for kind in KINDS}
     weight = {
-        kind: models[kind] + np.log(getattr(prior, kind) / max(len(places[kind]), 1))
-        for kind in KINDS
+        kind: models[kind] + np.log(prior[kind] / max(len(places[kind]), 1)) for kind in KINDS
     }
     total = logsumexp(np.concatenate([[log_constant], *weight.values()]))
     size, spread = {}, {}
@@ -220,11 +199,7 @@ def change_posterior(
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return the log evidence of each model of a change, averaged over the grid of d, g and a.
-
-    ``each`` (d, g, a, model) is the log evidence at each grid point (symbols: see the module). The
-    average is that of the evidence, not of its logarithm.
-    """
+    """Return the log of each model's mean evidence; ``each`` (d, g, a, model) is log evidence."""
     rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
     return total

@@ -36,7 +36,9 @@ from heli3dof.fleet.sibling_scale import MAD_TO_STD
 
 REPORTED = 0.95
 """Least probability of a reported change: at most one report in 20 is false (a convention)"""
-CHANGES_PER_RIG_SEMESTER = Prior(step=1 / 40, two_steps=1 / 40, drift=1 / 20, deviating=1 / 20)
+CHANGES_PER_RIG_SEMESTER = {
+    "step": 1 / 40, "two_steps": 1 / 40, "drift": 1 / 20, "deviating": 1 / 20
+}  # fmt: skip
 """Expected changes of a rig in a semester, in all its quantities. Chosen: a room of twenty rigs
 has one step, one drift and one deviating flight a semester. Half of the steps come in pairs: a
 fault and its repair."""
@@ -86,7 +88,11 @@ def track_prior(quantities: int) -> Prior:
     This is the rig's expected number of such changes (`CHANGES_PER_RIG_SEMESTER`), divided by
     ``quantities``, the number of quantities in the batch's results table.
     """
-    return CHANGES_PER_RIG_SEMESTER.scaled(1 / quantities)
+    return _scaled(CHANGES_PER_RIG_SEMESTER, 1 / quantities)
+
+
+def _scaled(prior: Prior, factor: float) -> Prior:
+    return {kind: factor * probability for kind, probability in prior.items()}
 
 
 def find_changes(
@@ -137,7 +143,7 @@ class _Series:
         by the share of these flights in the series.
         """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
-        prior = self.prior.scaled(len(flights) / len(self.y))
+        prior = _scaled(self.prior, len(flights) / len(self.y))
         if self.s is not None:
             return change_posterior(y, self.s[flights], t, prior, plans, self.scale)
         equal = np.ones(len(y))
@@ -206,10 +212,7 @@ def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
 
 
 def _single(series: _Series, flights: np.ndarray) -> Change | None:
-    """Return the most probable step, drift or deviating flight in ``flights``.
-
-    Returns None if the probability of any change is below `REPORTED`.
-    """
+    """Return the most probable change in ``flights``; None if that of any is below `REPORTED`."""
     posterior = series.posterior(flights)
     if 1 - posterior.constant < REPORTED:
         return None

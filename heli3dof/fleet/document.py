@@ -25,9 +25,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from heli3dof.fleet.random_effects import shrunken
+from heli3dof.json_values import jsonable
 
 if TYPE_CHECKING:
     from heli3dof.fleet.change_search import Change
@@ -44,11 +43,11 @@ def fleet_document(fleet: Fleet) -> dict[str, Any]:
         kind: [_change(track, c) for track, c in fleet.changes() if c.kind == kind]
         for kind in ("step", "drift", "deviating")
     }
-    return {
+    document: dict[str, Any] = jsonable({
         "schema": SCHEMA,
         "recordings": fleet.recordings,
-        "rigs": list(fleet.rigs),
-        "ordered_by_name": list(fleet.undated),
+        "rigs": fleet.rigs,
+        "ordered_by_name": fleet.undated,
         "quantities": [_quantity(q) for q in fleet.quantities],
         "steps": changes["step"],
         "drifts": changes["drift"],
@@ -61,7 +60,8 @@ def fleet_document(fleet: Fleet) -> dict[str, Any]:
         "bad_recordings": [
             {"recording": b.recording, "rig": b.rig, "reason": b.reason} for b in fleet.bad
         ],
-    }  # fmt: skip
+    })  # fmt: skip
+    return document
 
 
 def _quantity(q: FleetQuantity) -> dict[str, Any]:
@@ -79,9 +79,9 @@ def _quantity(q: FleetQuantity) -> dict[str, Any]:
 def _estimate(e: Estimate) -> dict[str, Any]:
     return {
         "value": e.value,
-        "std": _number(e.std),
-        "interval": [_number(limit) for limit in e.interval],
-        "scatter": _number(e.scatter),
+        "std": e.std,
+        "interval": e.interval,
+        "scatter": e.scatter,
         "flights": e.n,
     }
 
@@ -95,7 +95,7 @@ def _own(r: RigQuantity) -> list[dict[str, Any]]:
         return []
     value, std = shrunken(r.track.y[r.present], r.track.s[r.present], r.estimate)
     return [
-        {"recording": r.track.flights[i], "value": float(v), "std": float(d)}
+        {"recording": r.track.flights[i], "value": v, "std": d}
         for i, v, d in zip(r.present, value, std, strict=True)
     ]
 
@@ -105,9 +105,9 @@ def _change(track: Track, change: Change) -> dict[str, Any]:
         "rig": track.rig,
         "quantity": track.quantity,
         "probability": change.probability,
-        "kinds": dict(change.kinds),
+        "kinds": change.kinds,
         "size": change.size,
-        "interval": list(change.interval),
+        "interval": change.interval,
     }
     if change.kind == "drift":
         return {
@@ -126,8 +126,4 @@ def _change(track: Track, change: Change) -> dict[str, Any]:
 
 
 def _flight(track: Track, i: int) -> dict[str, Any]:
-    return {"recording": track.flights[i], "day": float(track.t[i]) if track.dated else None}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    return {"recording": track.flights[i], "day": track.t[i] if track.dated else None}

@@ -19,7 +19,7 @@ variance B·sᵢ² + (1 − B)²·var θ̂.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isfinite, sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -114,8 +114,3 @@ def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArr
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)
     value = estimate.value + share * (y - estimate.value)
     return value, np.sqrt(share * s**2 + (1 - share) ** 2 * estimate.std**2)
-
-
-def is_known(estimate: Estimate) -> bool:
-    """Return True if the estimate has a standard error."""
-    return isfinite(estimate.std)

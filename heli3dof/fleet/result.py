@@ -177,10 +177,7 @@ def _gain_of(track: Track, change: Change, gains: list[tuple[Track, Change]]) ->
 
 
 def _log_factor(track: Track, change: Change) -> tuple[float, float]:
-    """Return ln(value after/value before) of a change, and its standard deviation.
-
-    Both are NaN if the value changes its sign.
-    """
+    """Return ln(value after/value before) and its std; NaN if the value changes its sign."""
     before = track.y[: change.first]
     if change.kind == "deviating":
         before = np.delete(track.y, change.first)

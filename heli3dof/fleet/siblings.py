@@ -17,13 +17,13 @@ so do all that were removed before it (Rosner, Technometrics 25, 1983).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
+from math import hypot, isfinite, sqrt
 
 import numpy as np
 
-from heli3dof.fleet.random_effects import Estimate, is_known, random_effects
+from heli3dof.fleet.random_effects import Estimate, random_effects
 
 LARGEST_P = 0.05
 """Chance that any rig is reported in any quantity although all rigs are alike (a convention)"""
@@ -51,8 +51,10 @@ def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
 
     Rigs without a standard error are ignored; the result is None if no rig is left.
     """
-    known = [e for e in rigs.values() if is_known(e)]
-    return _mean(known) if known else None
+    known = [e for e in rigs.values() if isfinite(e.std)]
+    if not known:
+        return None
+    return random_effects(np.array([e.value for e in known]), np.array([e.std for e in known]))
 
 
 def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Difference, ...]:
@@ -60,10 +62,13 @@ def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Diffe
 
     ``rigs``: rig → its estimate; ``quantities``: number of quantities tested in the fleet.
     """
-    known = {name: e for name, e in rigs.items() if is_known(e)}
+    known = {name: e for name, e in rigs.items() if isfinite(e.std)}
     between = [e.scatter for e in known.values() if e.n > 1]
     typical = float(np.median(between)) if between else 0.0
-    left = {name: _with_scatter(e, typical) for name, e in known.items()}
+    # The scatter between flights is added to an estimate from a single flight.
+    left = {
+        name: e if e.n > 1 else replace(e, std=hypot(e.std, typical)) for name, e in known.items()
+    }
     removed: list[Difference] = []
     while len(left) >= LEAST_RIGS and len(removed) < max(1, MOST_DIFFERING * len(known)):
         found = [_difference(name, left, len(left) * quantities) for name in left]
@@ -77,10 +82,7 @@ def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Diffe
 
 
 def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Difference:
-    """Return the difference of the rig ``name`` from the others, with its p-value.
-
-    ``tests``: number of tests, by which the p-value is multiplied.
-    """
+    """Return a rig's difference from the others; its p-value is multiplied by ``tests``."""
     from scipy.stats import t
 
     rig, others = rigs[name], [e for other, e in rigs.items() if other != name]
@@ -92,17 +94,3 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
     if std == 0:  # equal values, such as a share of lost samples that is always 0
         return Difference(name, size, 0.0, 1.0)
     return Difference(name, size, std, min(1.0, tests * 2 * float(t.sf(abs(size) / std, n - 1))))
-
-
-def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return ``estimate``, with the scatter between flights added if it is from a single flight.
-
-    The standard deviation of such an estimate becomes √(std² + ``scatter``²).
-    """
-    if estimate.n > 1:
-        return estimate
-    return replace(estimate, std=hypot(estimate.std, scatter))
-
-
-def _mean(rigs: Sequence[Estimate]) -> Estimate:
-    return random_effects(np.array([e.value for e in rigs]), np.array([e.std for e in rigs]))

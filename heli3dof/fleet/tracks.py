@@ -196,10 +196,7 @@ def _track(
 
 
 def _value(row: Row, quantity: str) -> tuple[float, float] | None:
-    """Return a row's (value, standard deviation) of a quantity; None if they are not usable.
-
-    For a quantity in `WITHOUT_STD`, the standard deviation is 0.
-    """
+    """Return a usable (value, std) of a quantity, else None; std is 0 for one in `WITHOUT_STD`."""
     with_std = quantity not in WITHOUT_STD
     value, std = row.get(quantity), row.get(quantity + STD) if with_std else 0.0
     if not isinstance(value, float | int) or not isinstance(std, float | int):

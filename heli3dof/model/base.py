@@ -43,9 +43,9 @@ class LoopTask:
     start_s: float = 0.0
     """s, the time of the first period since the start of the recording."""
     opened: FloatArray | None = None
-    """(N, 3), each axis' mode: 0 CLOSED, 1 LEARN, 2 OPEN (`loop_opening`); None: all closed."""
+    """(N, 3), each axis' mode: 0 CLOSED, 1 LEARN, 2 OPEN (`controller`); None: all closed."""
     limits: Limits = field(default_factory=Limits)
-    """The safety envelope. The simulation closes open loops near its limits (`loop_opening`), and
+    """The safety envelope. The simulation closes open loops near its limits (`controller`), and
     continues beyond them."""
 
 

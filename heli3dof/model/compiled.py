@@ -16,7 +16,7 @@ import threading
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,10 @@ def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any
         options |= {"_nrt": False, "forceinline": True}
     digest = _digest(function) + repr(sorted(options.items()))
     return numba.njit(cache=True, **options)(_with_cell(function, digest))
+
+
+inlined = partial(compiled, leaf=True, error_model="numpy")
+"""Decorator: compile a leaf function, as `compiled` does; a division by zero gives inf or NaN."""
 
 
 @cache

@@ -17,7 +17,11 @@ def labels(models: Sequence[Model]) -> list[str]:
     such a name gets a number: ``extended (2)``.
     """
     names = [m.name for m in models]
-    first = [n if names.count(n) == 1 else _stem(m) for n, m in zip(names, models, strict=True)]
+    files: list[Path | None] = [getattr(m, "file", None) for m in models]
+    first = [
+        file.stem if file and names.count(name) > 1 else name
+        for name, file in zip(names, files, strict=True)
+    ]
     out: list[str] = []
     for name, label in zip(names, first, strict=True):
         choice = label if first.count(label) == 1 else name
@@ -27,9 +31,3 @@ def labels(models: Sequence[Model]) -> list[str]:
             choice = f"{name} ({k})"
         out.append(choice)
     return out
-
-
-def _stem(model: Model) -> str:
-    """Return the stem of the file that the model was read from, or the model's name."""
-    file: Path | None = getattr(model, "file", None)
-    return model.name if file is None else file.stem

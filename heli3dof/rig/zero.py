@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import degrees, radians
@@ -38,67 +39,35 @@ MEASURE_S = 1.0
 """s for which `zero` reads the encoders"""
 
 
-@dataclass(frozen=True, slots=True)
-class AtRest:
-    """Encoder readings of a rig at rest: median count and range of each axis."""
-
-    counts: Counts
-    """The median of each axis, in the device's counts"""
-    moved: Counts
-    """Largest minus smallest count of each axis"""
-    readings: int
-
-
-def read_at_rest(rig: Rig, seconds: float) -> AtRest:
-    """Return encoder readings of a rig over ``seconds`` s. Raises SafetyTrip if armed."""
-    rows = []
-    until = time.monotonic() + seconds
-    while True:
-        sample = rig.read()
-        if sample.flags & Flags.ENABLED:
-            raise SafetyTrip(
-                "The rig is armed: its motors may turn.",
-                cause="another program controls it, or left it armed.",
-                fix="heli3dof estop",
-            )
-        rows.append(sample.counts)
-        if time.monotonic() >= until:
-            break
-        time.sleep(EVERY_S)
-    columns = list(zip(*rows, strict=True))
-    a, b, c = (round(statistics.median(column)) for column in columns)
-    x, y, z = (max(column) - min(column) for column in columns)
-    return AtRest((a, b, c), (x, y, z), len(rows))
-
-
 def calibrate(
-    readings: AtRest,
     rig: Rig,
     profile: Profile,
     device: str,
     angles_deg: tuple[float | None, float | None, float | None],
+    seconds: float,
 ) -> Calibration:
-    """Return the calibration of a rig that stands at known angles.
+    """Read the encoders of a rig at rest for ``seconds`` s; return its calibration.
 
-    ``readings``: the rig's encoder readings. ``angles_deg``: roll, pitch and yaw in degrees; None
-    if the axis is at its rest angle. ``device``: the rig's URL. Raises CheckFailed if the rig
-    moved.
+    ``angles_deg``: roll, pitch and yaw at which the rig stands, in degrees; None: the axis is at
+    its rest angle. ``device``: the rig's URL. Raises SafetyTrip if the rig is armed, CheckFailed if
+    it moved.
     """
+    columns = list(zip(*_readings(rig, seconds), strict=True))
     per_count = profile.encoder.rad_per_count
     rest = profile.encoder.rest_rad
     at_rest = []
     for i, axis in enumerate(AXES):
-        moved_deg = abs(degrees(readings.moved[i] * per_count[i]))
-        if readings.moved[i] > STILL_COUNTS and moved_deg > STILL_DEG:
+        moved = max(columns[i]) - min(columns[i])
+        moved_deg = abs(degrees(moved * per_count[i]))
+        if moved > STILL_COUNTS and moved_deg > STILL_DEG:
             raise CheckFailed(
-                f"The rig is not at rest: {axis} moved by {moved_deg:.2f}° "
-                f"({readings.moved[i]} counts).",
+                f"The rig is not at rest: {axis} moved by {moved_deg:.2f}° ({moved} counts).",
                 cause="it still swings, someone touches it, or the encoder picks up noise.",
                 fix="let it come to rest; heli3dof monitor shows the angles",
             )
         angle = angles_deg[i]
         offset = 0.0 if angle is None else (radians(angle) - rest[i]) / per_count[i]
-        at_rest.append(readings.counts[i] - round(offset))
+        at_rest.append(round(statistics.median(columns[i])) - round(offset))
     identity = rig.identity
     return Calibration(
         identity.serial,
@@ -109,6 +78,23 @@ def calibrate(
         device,
         identity.started_s,
     )
+
+
+def _readings(rig: Rig, seconds: float) -> Iterator[Counts]:
+    """Yield the encoder counts of a rig over ``seconds`` s. Raises SafetyTrip if it is armed."""
+    until = time.monotonic() + seconds
+    while True:
+        sample = rig.read()
+        if sample.flags & Flags.ENABLED:
+            raise SafetyTrip(
+                "The rig is armed: its motors may turn.",
+                cause="another program controls it, or left it armed.",
+                fix="heli3dof estop",
+            )
+        yield sample.counts
+        if time.monotonic() >= until:
+            return
+        time.sleep(EVERY_S)
 
 
 @dataclass(frozen=True)
@@ -142,8 +128,7 @@ def zero(
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:
         before, rig.rest = rig.rest, COUNTS_AT_POWER_UP  # raw counts of the device
-        readings = read_at_rest(rig, MEASURE_S)
-        measured = calibrate(readings, rig, profile, device, angles_deg)
+        measured = calibrate(rig, profile, device, angles_deg, MEASURE_S)
     roll, pitch, yaw = (
         degrees((now - then) * per_count)
         for now, then, per_count in zip(

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from heli3dof.rig.session.client import running, state
-from heli3dof.rig.session.estop import stop_rigs
+from heli3dof.rig.session.estop import request_estop
 from tests.bench import Figure, at_least, at_most
 from tests.rig.processes import suspend
 from tests.rig.stop_race import Race, race
@@ -88,7 +88,8 @@ def stopped_in(*, hung: bool) -> float:
     with flying() as (device, process):
         if hung:
             suspend(process)
-        (stopped,), _ = stop_rigs(device, "a bench")
+            result = request_estop(device, "a bench")
+            (stopped,) = result.stopped + result.unconfirmed
         assert stopped.done, stopped.how
         assert ("did not answer" in stopped.how) == hung, stopped.how
         return stopped.seconds

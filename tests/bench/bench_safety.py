@@ -66,7 +66,7 @@ WHY = {
     "kill_9": "needs a process",
     "stopped_process": "needs a process; SIGSTOP for 1 s",
     "estop_from_a_second_terminal": "needs a process; another one calls "
-    "`heli3dof.rig.session.estop.stop_rigs`",
+    "`heli3dof.rig.session.estop.request_estop`",
     "cable_out": "needs a line; the port disappears",
     "lost_frames": "needs a line; it carries no commands, or no samples, in turn for 0.45 s, "
     "`lost_max_s` is 0.2 s",

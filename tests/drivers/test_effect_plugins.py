@@ -10,7 +10,7 @@ import pytest
 from heli3dof_drivers.emulator.body import setup_of
 from heli3dof_drivers.emulator.effect_spec import parse_hide
 from heli3dof_drivers.emulator.effects import GROUP, Effect, Parameter, catalogue
-from heli3dof_drivers.emulator.effects.drag import quadratic
+from heli3dof_drivers.emulator.effects.friction import quadratic
 from heli3dof_drivers.emulator.plant import Plant
 from heli3dof_drivers.emulator.plant_effects import Row, kernel
 from heli3dof_drivers.emulator.plant_layout import AXIS, R_DOT, A, Stage

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from heli3dof_drivers.emulator.faults import KINDS, Fault, parse_faults
-from heli3dof_drivers.emulator.transport import emulated
+from heli3dof_drivers.emulator.transport_pty import emulated
 from heli3dof_drivers.link.frames import Arm, Cause, CommandFrame, SampleFrame, Splitter, wire
 
 from heli3dof.errors import UsageError

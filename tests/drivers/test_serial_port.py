@@ -15,7 +15,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from heli3dof_drivers.emulator.transport import serve
+from heli3dof_drivers.emulator.transport_pty import serve
 from heli3dof_drivers.link import handshake, serial_ports
 from heli3dof_drivers.link.request_reply import LinkStatistics
 from heli3dof_drivers.link.serial_ports import holders

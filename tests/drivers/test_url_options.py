@@ -5,9 +5,14 @@ from __future__ import annotations
 import math
 
 import pytest
-from heli3dof_drivers.options import MockOptions, SerialOptions, UsbMockOptions, UsbOptions
+from heli3dof_drivers.options import (
+    MockOptions,
+    SerialOptions,
+    UrlOptions,
+    UsbMockOptions,
+    UsbOptions,
+)
 from heli3dof_drivers.quanser_hil.wiring import Wiring
-from heli3dof_drivers.url_options import UrlOptions
 
 from heli3dof.errors import UsageError
 from heli3dof.rig.drivers import load_driver

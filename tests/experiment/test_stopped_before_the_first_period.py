@@ -9,7 +9,7 @@ import pytest
 from heli3dof.errors import SafetyTrip
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.rig.session.estop import stop_rigs
+from heli3dof.rig.session.estop import request_estop
 from tests.cli.running import heli3dof
 
 PLAN = step_plan((1.0, None, None), settle_s=0.1, duration_s=0.2)
@@ -21,7 +21,7 @@ def runtime(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def refused(output: Path | None) -> SafetyTrip:
-    stop_rigs(None, "smoke")
+    request_estop(None, "smoke")
     with pytest.raises(SafetyTrip, match="emergency stop on request: smoke") as caught:
         fly_plan(PLAN, device="mock:?speed=max", output=output)
     assert "not armed" in caught.value.what

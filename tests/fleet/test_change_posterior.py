@@ -14,14 +14,14 @@ from heli3dof.fleet.change_posterior import (
     SIZES,
     UNLIKE,
     ChangePosterior,
-    Prior,
     Scale,
     change_places,
     change_posterior,
     regressors,
 )
 
-PRIOR = Prior(0.15, 0.1, 0.1, 0.15)
+PRIOR = {"step": 0.15, "two_steps": 0.1, "drift": 0.1, "deviating": 0.15}
+RARE = {kind: 0.01 * probability for kind, probability in PRIOR.items()}
 
 
 def test_probabilities_sum_to_one() -> None:
@@ -48,7 +48,7 @@ def test_the_evidence_of_a_drift_by_numerical_integration() -> None:
                 constant = total
     found = change_posterior(y, np.ones(4), t, PRIOR)
     odds = found.kind("drift") / found.constant
-    assert odds == pytest.approx(PRIOR.drift / 0.5 * expected / constant, rel=1e-4)
+    assert odds == pytest.approx(PRIOR["drift"] / 0.5 * expected / constant, rel=1e-4)
 
 
 def test_the_evidence_with_the_siblings_scale_by_numerical_integration() -> None:
@@ -69,15 +69,15 @@ def test_the_evidence_with_the_siblings_scale_by_numerical_integration() -> None
         q, det = z @ np.linalg.solve(cov, z), np.linalg.det(cov)
         likelihood = phi**-3.0 * np.exp(-q / phi**2 / 2) / np.sqrt(det)
         evidence.append(np.trapezoid(prior * likelihood, np.log(phi)))
-    expected = PRIOR.drift / (1 - PRIOR.change) * np.mean(evidence[1:]) / evidence[0]
+    expected = PRIOR["drift"] / (1 - sum(PRIOR.values())) * np.mean(evidence[1:]) / evidence[0]
     found = change_posterior(y, np.ones(4), t, PRIOR, None, scale)
     assert found.kind("drift") / found.constant == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_siblings_scale_makes_a_step_in_eight_flights_probable() -> None:
     y = np.array([0.3, -0.8, 0.5, 0.1, 6.2, 5.1, 6.9, 5.8])
-    alone = change_posterior(y, np.ones(8), np.arange(8.0), PRIOR.scaled(0.01))
-    known = change_posterior(y, np.ones(8), np.arange(8.0), PRIOR.scaled(0.01), None, Scale(1, 90))
+    alone = change_posterior(y, np.ones(8), np.arange(8.0), RARE)
+    known = change_posterior(y, np.ones(8), np.arange(8.0), RARE, None, Scale(1, 90))
     assert known.constant < 0.05 < alone.constant
     assert (known.most_probable, known.best("step")) == ("step", 2)
 
@@ -107,7 +107,7 @@ def test_a_change_of_plan_says_nothing_of_a_step_on_the_same_day() -> None:
     y = np.random.default_rng(7).normal(size=12) + 40 * (plans == "steps")
     found = change_posterior(y, np.ones(12), np.arange(12.0), PRIOR, plans)
     odds = found.probability["step"][4] / found.constant
-    assert odds == pytest.approx(PRIOR.step / 9 / (1 - PRIOR.change))
+    assert odds == pytest.approx(PRIOR["step"] / 9 / (1 - sum(PRIOR.values())))
 
 
 def test_unit_zero_and_a_common_factor_of_the_deviations_do_not_matter() -> None:
@@ -165,7 +165,7 @@ def drawn_from_the_prior(n: int, many: int, seed: int) -> Iterator[Drawn]:
     places = change_places(n)
     steps = regressors("step", places, t)
     kinds = ["none", *KINDS]
-    shares = [1 - PRIOR.change, *(getattr(PRIOR, k) for k in KINDS)]
+    shares = [1 - sum(PRIOR.values()), *(PRIOR[k] for k in KINDS)]
     for _ in range(many):
         s, a = rng.uniform(0.3, 2.0, n), rng.choice([0.0, 0.5, 1.0])
         u = (1 - a) * (s / np.median(s)) ** 2 + a

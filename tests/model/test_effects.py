@@ -14,7 +14,7 @@ from heli3dof.model.effects import Effect, Parameter, all_names, effects, term, 
 from heli3dof.model.physics import state_layout as at
 from heli3dof.model.physics.compiled_effects import address
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.model.physics.rest_context import context
+from heli3dof.model.physics.state_layout import context
 from heli3dof.rig.profile import default_profile
 
 CONTRACT = {

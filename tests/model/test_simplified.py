@@ -13,8 +13,8 @@ from heli3dof.model.greybox.linearisation import _Plant
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.model_file import save_model
 from heli3dof.model.physics import state_layout as s_
-from heli3dof.model.physics.rest_context import context
 from heli3dof.model.physics.rigid_body import body_accelerations
+from heli3dof.model.physics.state_layout import context
 from heli3dof.paper.models import load_model
 from heli3dof.rig.profile import default_profile
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from heli3dof.errors import RecordingError
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.interface import Flags
-from heli3dof.rig.session.estop import stop_rigs
+from heli3dof.rig.session.estop import request_estop
 from tests.drivers.emulated_rigs import firmware_rig
 from tests.profiles import END_S, PATIENT, write_profile
 
@@ -71,7 +71,8 @@ def _race(device: str, moment_s: float, folder: Path, log: Path | None, everythi
     with subprocess.Popen(command, stdout=quiet, stderr=quiet) as flight:
         time.sleep(max(0.0, start + moment_s - time.monotonic()))
         asked_s = time.monotonic()
-        stopped, _ = stop_rigs(None if everything else device, "a race")
+        result = request_estop(None if everything else device, "a race")
+        stopped = result.stopped + result.unconfirmed
         confirmed_s = time.monotonic()
         code = flight.wait(END_S)
     enabled = _of_log(log) if log else _of_recording(path)

@@ -7,15 +7,14 @@ import pytest
 from heli3dof.errors import CheckFailed, SafetyTrip
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
-from heli3dof.rig.zero import calibrate, read_at_rest
+from heli3dof.rig.zero import calibrate
 from tests.rig.fakes import FakeDriver, FakeRig
 
 PROFILE = default_profile()
 
 
 def zeroed(driver, angles=(None, None, None), profile=PROFILE):
-    rig = FakeRig(driver)
-    return calibrate(read_at_rest(rig, 0.05), rig, profile, "fake://1", angles)
+    return calibrate(FakeRig(driver), profile, "fake://1", angles, 0.05)
 
 
 def test_at_rest_the_counts_are_the_medians():
@@ -50,5 +49,5 @@ def test_an_armed_rig_is_refused_and_not_changed():
 
 def test_zero_never_arms():
     rig = FakeRig(FakeDriver())
-    read_at_rest(rig, 0.05)
+    calibrate(rig, PROFILE, "fake://1", (None, None, None), 0.05)
     assert rig.armed == 0

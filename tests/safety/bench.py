@@ -15,7 +15,7 @@ from math import inf
 from typing import NamedTuple
 
 from heli3dof_drivers.emulator.endpoint import Endpoint
-from heli3dof_drivers.emulator.transport import emulated, serve
+from heli3dof_drivers.emulator.transport_pty import emulated, serve
 
 from tests.profiles import START_S
 

@@ -27,7 +27,7 @@ from typing import Any
 
 import pytest
 from heli3dof_drivers.emulator.endpoint import Endpoint
-from heli3dof_drivers.emulator.transport import emulated as emulated_endpoint
+from heli3dof_drivers.emulator.transport_pty import emulated as emulated_endpoint
 from heli3dof_drivers.link.frames import (
     Ack,
     Cause,

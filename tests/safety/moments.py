@@ -33,7 +33,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.profile import load_profile as profile_of
-from heli3dof.rig.session.estop import stop_rigs
+from heli3dof.rig.session.estop import request_estop
 from heli3dof.rig.session.stop_stamp import start_command
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, STALL_S, START_S, write_profile
@@ -423,7 +423,7 @@ def _happen(
     if case.row == CALM or case.row in SABOTAGE:
         return None
     if case.row == "estop_from_a_second_terminal":
-        stop_rigs("serial:///dev/heli3dof-absent", "loads the code before the measurement")
+        request_estop("serial:///dev/heli3dof-absent", "loads the code before the measurement")
     assert rig.opened_s is not None, "the flight never opened its device"
     time.sleep(max(0.0, rig.opened_s + case.moment_s - time.monotonic()))
     if process.poll() is not None:
@@ -441,7 +441,8 @@ def _happen(
         time.sleep(STOPPED_S)
         process.send_signal(signal.SIGCONT)
     elif case.row == "estop_from_a_second_terminal":
-        (stopped,), _ = stop_rigs(rig.url, "a bench")
+        result = request_estop(rig.url, "a bench")
+        (stopped,) = result.stopped + result.unconfirmed
         if not stopped.done:
             run.wrong.append(f"not stopped: {stopped.how}")
     elif case.row == "cable_out":

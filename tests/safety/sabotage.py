@@ -23,7 +23,7 @@ from heli3dof.experiment import fly
 from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.experiment.safety_monitors import FlightMonitors, host_suspend, monitors_for
 from heli3dof.experiment.safety_monitors.amplifier_output import AmplifierOutput
-from heli3dof.model.control.loop_opening import OpenedController
+from heli3dof.model.control.controller import Controller
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.mcap_writer import McapFile
 from heli3dof.recording.row import Row
@@ -56,7 +56,7 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
         return bool(began)
 
     if kind in ("exception", "nan", "limit"):
-        put(OpenedController, "step", _controller(kind, on))
+        put(Controller, "step", _controller(kind, on))
     elif kind == "envelope":
         _narrow_envelope(on, put)
     elif kind == "late":
@@ -91,9 +91,9 @@ def stamp_reports(stamp: Stamp, put: Put = setattr) -> None:
 
 
 def _controller(kind: str, on: Due) -> Callable[..., object]:
-    real = OpenedController.step
+    real = Controller.step
 
-    def step(self: OpenedController, *a: Any) -> object:
+    def step(self: Controller, *a: Any) -> object:
         command, voltage = real(self, *a)[-2:]
         if not on():
             return command, voltage

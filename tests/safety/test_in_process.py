@@ -13,7 +13,7 @@ import pytest
 
 from heli3dof.errors import NoSpace
 from heli3dof.experiment.safety_monitors import host_suspend
-from heli3dof.model.control.loop_opening import OpenedController
+from heli3dof.model.control.controller import Controller
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.mcap_writer import McapFile
 from heli3dof.recording.row import Row
@@ -68,16 +68,16 @@ def controller(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, instead: Callable[[], object]
 ) -> None:
     """From `EVENT_S` on the controller does this."""
-    real = OpenedController.step
+    real = Controller.step
 
-    def step(self: OpenedController, *a: object) -> object:
+    def step(self: Controller, *a: object) -> object:
         if aboard.t >= EVENT_S - 1e-9:
             result = instead()
             if result is not None:
                 return result
         return real(self, *a)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(OpenedController, "step", step)
+    monkeypatch.setattr(Controller, "step", step)
 
 
 def test_exception_in_the_controller(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 A flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`). A
 plan that opens control loops is first simulated without noise, because its references depend on the
-motion (`heli3dof.model.control.loop_opening`).
+motion (`heli3dof.model.control.controller`).
 """
 
 from __future__ import annotations

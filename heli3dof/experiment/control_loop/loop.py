@@ -28,7 +28,7 @@ from heli3dof.experiment.control_loop.realtime_priority import Realtime, quiet_i
 from heli3dof.experiment.control_loop.rig_exchange import RigExchange
 from heli3dof.experiment.control_loop.stop_reasons import STOPPED
 from heli3dof.experiment.plan import Signals
-from heli3dof.model.control.loop_opening import OpenedController
+from heli3dof.model.control.controller import Controller
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.interface import Rig, Sample
@@ -136,7 +136,7 @@ class _Flight:
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
         self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
-        self.controller = OpenedController.of(profile)
+        self.controller = Controller.of(profile)
         self.envelope = Envelope(profile)
         self.tally = Tally()
         self.exchange = RigExchange(rig, profile.dt, self.tally)

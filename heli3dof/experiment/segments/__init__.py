@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from heli3dof.axes import AXES
-from heli3dof.model.control.loop_opening import LEARN, OPEN
+from heli3dof.model.control.controller import LEARN, OPEN
 from heli3dof.plugins import modules_of
 from heli3dof.toml_file import Finite, Key, Positive, Section
 

@@ -8,7 +8,7 @@
 ψ is yaw (rad), J_yaw its inertia (kg·m²). Viscous friction c_ψ causes an exponential decay of the
 yaw rate, and Coulomb friction τ_ψ causes a linear decay. Drag causes a decay that is steepest at
 first. Roll and pitch stay in closed loop. Yaw returns to closed loop if an angle or rate exceeds a
-fraction of its safety limit (`heli3dof.model.control.loop_opening`).
+fraction of its safety limit (`heli3dof.model.control.controller`).
 """
 
 from __future__ import annotations

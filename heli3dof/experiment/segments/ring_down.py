@@ -9,7 +9,7 @@ F: sum of both thrusts (N); r, p: roll and pitch (rad); J_roll: inertia (kg·m²
 body (m); T_g: gravity torque (N·m); k_r: pendulum stiffness (N·m/rad); c_r: viscous friction
 (N·m·s/rad). The frequency √(k_r/J_roll) shows k_r, and the decay shows c_r. Without stiffness roll
 stays, or drifts. Pitch and yaw stay in closed loop. Roll returns to closed loop if an angle or rate
-exceeds a fraction of its safety limit (`heli3dof.model.control.loop_opening`).
+exceeds a fraction of its safety limit (`heli3dof.model.control.controller`).
 """
 
 from __future__ import annotations

@@ -21,14 +21,14 @@ limiters and the amplifier's ±v_max.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan, degrees
 
 import numpy as np
 
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
-from heli3dof.model.base import LoopTask
+from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.control.closed_loop_poles import INTEGRATED, sampled_loop_poles
 from heli3dof.model.control.controller import derivative_filter
 from heli3dof.model.control.stability import MARGIN
@@ -179,57 +179,46 @@ def _controller(spec: ControllerSpec, dt: float, z: FloatArray) -> FloatArray:
 
 def _steps(profile: Profile, spec: ControllerSpec) -> Iterator[StepCheck]:
     """Simulate a take-off, a roll step and a yaw step under ``spec``; yield each result."""
-    rest = profile.encoder.rest_rad
-    yield _step(profile, spec, "take-off", 0, 0.0, rest)
-    yield _step(profile, spec, "a 10° roll step", 0, 10.0, np.zeros(3))
-    yield _step(profile, spec, "a 20° yaw step", 2, 20.0, np.zeros(3))
-
-
-def _step(
-    profile: Profile, spec: ControllerSpec, name: str, axis: int, target: float, start: FloatArray
-) -> StepCheck:
-    N = round(STEP_S / profile.dt)
-    reference = np.zeros((N, 3))
-    reference[:, axis] = np.radians(target)
-    flown = nominal(profile).fly(
-        LoopTask(
-            reference=reference,
-            extra=np.zeros((N, 2)),
-            angle0=start,
-            controller=spec,
-            V_o=profile.motor.V_o,
-            v_max=profile.motor.v_max,
-            dt=profile.dt,
-            rad_per_count=profile.encoder.rad_per_count,
-            limits=profile.limits,
+    N, motor = round(STEP_S / profile.dt), profile.motor
+    for name, axis, target, start in (
+        ("take-off", 0, 0.0, profile.encoder.rest_rad),
+        ("a 10° roll step", 0, 10.0, np.zeros(3)),
+        ("a 20° yaw step", 2, 20.0, np.zeros(3)),
+    ):
+        reference = np.zeros((N, 3))
+        reference[:, axis] = np.radians(target)
+        flown = nominal(profile).fly(
+            LoopTask(
+                reference=reference,
+                extra=np.zeros((N, 2)),
+                angle0=start,
+                controller=spec,
+                V_o=motor.V_o,
+                v_max=motor.v_max,
+                dt=profile.dt,
+                rad_per_count=profile.encoder.rad_per_count,
+                limits=profile.limits,
+            )
         )
-    )
-    angle = np.nan_to_num(flown.angle, nan=np.inf)
-    at_limit = (abs(flown.voltage_cmd) >= profile.motor.v_max).any(axis=1)
-    return StepCheck(
-        name,
-        AXES[axis],
-        target,
-        float(np.degrees(angle[:, axis].max())),
-        float(abs(flown.voltage).max()),
-        float(at_limit.sum() * profile.dt),
-        _trip(profile, flown.t, angle, flown.voltage_cmd, flown.voltage),
-    )
+        angle = np.nan_to_num(flown.angle, nan=np.inf)
+        at_limit = (abs(flown.voltage_cmd) >= motor.v_max).any(axis=1)
+        yield StepCheck(
+            name,
+            AXES[axis],
+            target,
+            float(np.degrees(angle[:, axis].max())),
+            float(abs(flown.voltage).max()),
+            float(at_limit.sum() * profile.dt),
+            _trip(profile, replace(flown, angle=angle)),
+        )
 
 
-def _trip(
-    profile: Profile, t: FloatArray, angle: FloatArray, command: FloatArray, voltage: FloatArray
-) -> str | None:
-    """Return the first safety trip in a simulated flight as text; None if no monitor trips.
-
-    ``t`` (N,) s: times; ``angle`` (N, 3) rad; ``command``, ``voltage`` (N, 2) V: motor voltages
-    before and after the limiter.
-    """
+def _trip(profile: Profile, flown: LoopResult) -> str | None:
+    """Return the first safety trip in a simulated flight as text; None if no monitor trips."""
     envelope = Envelope(profile)
     with np.errstate(invalid="ignore"):
-        rate = np.gradient(angle, profile.dt, axis=0)
-    rows = zip(t, angle.tolist(), rate.tolist(), command.tolist(), voltage.tolist(), strict=True)
-    for row in rows:
-        if (trip := envelope.check(*row)) is not None:
-            return str(trip)
-    return None
+        rate = np.gradient(flown.angle, profile.dt, axis=0)
+    arrays = (flown.angle, rate, flown.voltage_cmd, flown.voltage)
+    rows = zip(flown.t, *(a.tolist() for a in arrays), strict=True)
+    trips = (envelope.check(*row) for row in rows)
+    return next((str(trip) for trip in trips if trip is not None), None)

@@ -14,6 +14,8 @@ voltage. For this controller, p[0] is negative:
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from heli3dof.arrays import FloatArray
@@ -41,6 +43,7 @@ def controller_arrays(
     return np.array(spec), np.array(state_at_rest(spec, [float(a) for a in angle0]))
 
 
+@partial(compiled, leaf=True)
 def _linear_law(p, s, angle, extra, out):  # type: ignore[no-untyped-def]
     """Compute one control period of a linear controller; update its state ``s``.
 
@@ -73,16 +76,16 @@ def _linear_law(p, s, angle, extra, out):  # type: ignore[no-untyped-def]
         s[2 * n + i] = angle[i]
 
 
-_linear, _of_profile = compiled(_linear_law, leaf=True), compiled(control_law, leaf=True)
+_profile_law = compiled(control_law, leaf=True)
 
 
-def _law(p, s, angle, reference, extra, out):  # type: ignore[no-untyped-def]
+@partial(compiled, leaf=True)
+def simulated_law(p, s, angle, reference, extra, out):  # type: ignore[no-untyped-def]
+    """Compute one control period of either controller; arguments as in `control_law`.
+
+    A linear controller ignores ``reference``.
+    """
     if p[0] < 0.0:
-        _linear(p, s, angle, extra, out)
+        _linear_law(p, s, angle, extra, out)
     else:
-        _of_profile(p, s, angle, reference, extra, out)
-
-
-simulated_law = compiled(_law, leaf=True)
-"""Compute one control period of either controller; arguments as in `control_law`. A linear
-controller ignores ``reference``."""
+        _profile_law(p, s, angle, reference, extra, out)

@@ -29,26 +29,31 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
     low sampling rate may destabilise that loop.
     """
     poles = model.loop_poles(controller, dt)
+    _check(
+        poles,
+        f"the model {model.name!r}",
+        _cause(model),
+        "fly another gain ([controller] K in the profile) or check it on the corrected model "
+        "(--model hover)",
+    )
+    if isinstance(model, LinearModel) and model.physical_state:
+        _check(
+            sampled_loop_poles(model, controller, dt),
+            f"the model {model.name!r} at {1 / dt:g} Hz",
+            "the loop, or its derivative filter, is too slow for this gain.",
+            "raise [loop] rate_hz or [controller] derivative_cutoff_hz in the profile",
+        )
+    return poles
+
+
+def _check(poles: np.ndarray, loop: str, cause: str, fix: str) -> None:
     unstable = poles[~(poles.real < -MARGIN)]
     if len(unstable):
         raise UnstableLoop(
-            f"The gain does not stabilise the model {model.name!r}: "
-            f"{_poles(unstable)} not left of zero.",
-            cause=_cause(model),
-            fix="fly another gain ([controller] K in the profile) or check it on the corrected "
-            "model (--model hover)",
+            f"The gain does not stabilise {loop}: {_poles(unstable)} not left of zero.",
+            cause=cause,
+            fix=fix,
         )
-    if isinstance(model, LinearModel) and model.physical_state:
-        sampled = sampled_loop_poles(model, controller, dt)
-        unstable = sampled[~(sampled.real < -MARGIN)]
-        if len(unstable):
-            raise UnstableLoop(
-                f"The gain does not stabilise the model {model.name!r} at {1 / dt:g} Hz: "
-                f"{_poles(unstable)} not left of zero.",
-                cause="the loop, or its derivative filter, is too slow for this gain.",
-                fix="raise [loop] rate_hz or [controller] derivative_cutoff_hz in the profile",
-            )
-    return poles
 
 
 def check_hover_loop(profile: Profile) -> np.ndarray:

@@ -105,7 +105,9 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
         return None
     if share <= REPRODUCED:
         match = Match.REPRODUCED
-    elif _is_explained(t, (logged - late)[rows], logged[rows]):
+    elif (
+        late_share := unexplained_share(t, (logged - late)[rows], logged[rows], _detrended_std)
+    ) is not None and late_share <= REPRODUCED:
         match = Match.LATE
     elif np.isnan(recording.voltage_extra).all() and not _is_feedback(r, rows, d):
         match = Match.EXCITED
@@ -162,38 +164,25 @@ def is_late(recording: Recording) -> bool:
 
 
 def _voltage(r: Recording) -> np.ndarray:
-    """Return the voltages (N, 2) V that the profile's controller computes from the log ``r``.
-
-    They are voltages after the limiter, computed from the logged angles, references and excitation.
-    """
+    """Return the voltages (N, 2) V, after the limiter, of the profile's controller for ``r``."""
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)
-    _replay_compiled(
+    _replay(
         np.array(p), np.array(s), *map(np.ascontiguousarray, (r.angle, r.reference)),
         np.nan_to_num(r.voltage_extra), np.empty(N_OUT), voltage,
     )  # fmt: skip
     return voltage
 
 
+_law = compiled(control_law, leaf=True)
+
+
+@compiled
 def _replay(p, s, angle, reference, extra, out, voltage):  # type: ignore[no-untyped-def]
     for k in range(angle.shape[0]):
         _law(p, s, angle[k], reference[k], extra[k], out)
         voltage[k, 0], voltage[k, 1] = out[2], out[3]
-
-
-_law = compiled(control_law, leaf=True)
-_replay_compiled = compiled(_replay)
-
-
-def _is_explained(t: np.ndarray, d: np.ndarray, logged: np.ndarray) -> bool:
-    """Return True if a controller explains the ``logged`` voltages up to the differences d.
-
-    This holds if std(d)/std(logged), with d detrended, is at most `REPRODUCED`; see
-    `unexplained_share`. ``t`` (n,) s: times; d, ``logged`` (n, 2) V.
-    """
-    share = unexplained_share(t, d, logged, _detrended_std)
-    return share is not None and share <= REPRODUCED
 
 
 def _detrended_std(t: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 
 from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import UsageError, did_you_mean
@@ -64,7 +64,9 @@ def _all() -> _Catalogue:
         ours |= {e.name: e for e in getattr(module, "EFFECTS", single)}
     result = _Catalogue(ours)
     for point in entry_points(group=GROUP):
-        plug_in = _plug_in(point)
+        package = getattr(point, "dist", None)
+        of = (package.name, package.version) if package else ("", "")
+        plug_in = PlugIn(point.value, *of)
         try:
             effect = point.load()
             if not isinstance(effect, Effect):
@@ -103,18 +105,8 @@ def broken() -> list[str]:
     return list(_all().broken)
 
 
-def _plug_in(point: EntryPoint) -> PlugIn:
-    package = getattr(point, "dist", None)
-    return (
-        PlugIn(point.value, package.name, package.version) if package else PlugIn(point.value, "")
-    )
-
-
 def _where(error: BaseException) -> str:
-    """Return where an error occurred in a plug-in's code, as ``file:line``.
-
-    Returns "" if the error did not occur in the plug-in's code.
-    """
+    """Return where an error occurred in a plug-in's code, as ``file:line``; "" if elsewhere."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     if isinstance(error, HookError):

@@ -13,7 +13,6 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect
-from heli3dof.model.physics.rest_context import context
 from heli3dof.model.physics.state_layout import (
     AXIS,
     F_BACK,
@@ -30,6 +29,7 @@ from heli3dof.model.physics.state_layout import (
     R,
     Stage,
     T,
+    context,
 )
 from heli3dof.rig.profile import default_profile
 

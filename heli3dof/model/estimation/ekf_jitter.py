@@ -25,10 +25,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import compiled, inlined
 from heli3dof.model.estimation.ekf_quantised import RATE_0, RELINEARISE_S, linearise
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
@@ -42,7 +43,8 @@ DIFFERENCE_STEP = 1e-6
 """Step of the finite differences with respect to b, in the unit of b."""
 
 
-def _place(par, where, q, value):  # type: ignore[no-untyped-def]
+@inlined
+def place(par, where, q, value):  # type: ignore[no-untyped-def]
     """Write ``value`` to all positions in ``par`` of parameter q (from 0) that varies by recording.
 
     ``where`` (W, 3): the result of `positions`.
@@ -52,9 +54,66 @@ def _place(par, where, q, value):  # type: ignore[no-untyped-def]
             par[where[z, 0], where[z, 1]] = value
 
 
-place = compiled(_place, leaf=True, error_model="numpy")
+@partial(compiled, error_model="numpy")
+def _slopes(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
+    """Write the derivatives ∂q̈/∂x (3, 6 + B) of the accelerations q̈ at the state x to A.
+
+    x contains the angles, the rates and the B parameters that vary by recording; ``where`` is their
+    `positions` in ``par``. F (2,) N are the thrusts, w work space. For the other arguments see
+    `heli3dof.model.physics.integrator`.
+    """
+    linearise(s, x, F, first, address, par, mem, free, w, A)
+    for j in range(6, A.shape[1]):
+        s[F_FRONT], s[F_BACK] = F[0], F[1]
+        place(par, where, j - 6, x[j] + DIFFERENCE_STEP)
+        accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
+        place(par, where, j - 6, x[j])
+        for i in range(3):
+            A[i, j] = (w[3, i] - w[2, i]) / DIFFERENCE_STEP
 
 
+@partial(compiled, error_model="numpy")
+def _propagate(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
+    """Advance the covariance P (n, n) of the state x by one step of h s, in place.
+
+    x = (q, q̇, b): angles, rates and B parameters that vary by recording, n = 6 + B. P ← Φ P Φᵀ +
+    process noise of intensity a2 (3,) on the rates, as in `ekf_quantised`. With A (3, n) = ∂q̈/∂x,
+    Φ maps x to (q + h q̇ + ½h² A x, q̇ + h A x, b). ``AP`` and ``W`` (n, n) are work space.
+    """
+    half = 0.5 * h * h
+    for i in range(3):
+        for j in range(n):
+            acc = 0.0
+            for z in range(n):
+                acc += A[i, z] * P[z, j]
+            AP[i, j] = acc
+    for j in range(n):
+        for i in range(3):
+            W[i, j] = P[i, j] + h * P[3 + i, j] + half * AP[i, j]
+            W[3 + i, j] = P[3 + i, j] + h * AP[i, j]
+        for i in range(6, n):
+            W[i, j] = P[i, j]
+    for i in range(n):
+        for j in range(min(i + 1, 3)):
+            acc = 0.0
+            for z in range(n):
+                acc += W[i, z] * A[j, z]
+            P[i, j] = W[i, j] + h * W[i, 3 + j] + half * acc
+            P[j, i] = P[i, j]
+            if 3 + j <= i:
+                P[i, 3 + j] = W[i, 3 + j] + h * acc
+                P[3 + j, i] = P[i, 3 + j]
+        for j in range(6, i + 1):
+            P[i, j] = W[i, j]
+            P[j, i] = P[i, j]
+    for i in range(3):
+        P[i, i] += a2[i] * h * h * h / 3.0
+        P[i, 3 + i] += a2[i] * h * h / 2.0
+        P[3 + i, i] = P[i, 3 + i]
+        P[3 + i, 3 + i] += a2[i] * h
+
+
+@partial(compiled, error_model="numpy", nogil=True)
 def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par0, mem0, where, b_std, blocks, free, t, h, V, y, a2, jitter, R2,
     loglik, X,
@@ -173,70 +232,6 @@ def _filter(  # type: ignore[no-untyped-def]
             _propagate(P, A, h[k], driven, AP, W, n)
 
 
-def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
-    """Write the derivatives ∂q̈/∂x (3, 6 + B) of the accelerations q̈ at the state x to A.
-
-    x contains the angles, the rates and the B parameters that vary by recording; ``where`` is their
-    `positions` in ``par``. F (2,) N are the thrusts, w work space. For the other arguments see
-    `heli3dof.model.physics.integrator`.
-    """
-    linearise(s, x, F, first, address, par, mem, free, w, A)
-    for j in range(6, A.shape[1]):
-        s[F_FRONT], s[F_BACK] = F[0], F[1]
-        place(par, where, j - 6, x[j] + DIFFERENCE_STEP)
-        accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
-        place(par, where, j - 6, x[j])
-        for i in range(3):
-            A[i, j] = (w[3, i] - w[2, i]) / DIFFERENCE_STEP
-
-
-_slopes = compiled(_slopes_py, error_model="numpy")
-
-
-def _propagate_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
-    """Advance the covariance P (n, n) of the state x by one step of h s, in place.
-
-    x = (q, q̇, b): angles, rates and B parameters that vary by recording, n = 6 + B. P ← Φ P Φᵀ +
-    process noise of intensity a2 (3,) on the rates, as in `ekf_quantised`. With A (3, n) = ∂q̈/∂x,
-    Φ maps x to (q + h q̇ + ½h² A x, q̇ + h A x, b). ``AP`` and ``W`` (n, n) are work space.
-    """
-    half = 0.5 * h * h
-    for i in range(3):
-        for j in range(n):
-            acc = 0.0
-            for z in range(n):
-                acc += A[i, z] * P[z, j]
-            AP[i, j] = acc
-    for j in range(n):
-        for i in range(3):
-            W[i, j] = P[i, j] + h * P[3 + i, j] + half * AP[i, j]
-            W[3 + i, j] = P[3 + i, j] + h * AP[i, j]
-        for i in range(6, n):
-            W[i, j] = P[i, j]
-    for i in range(n):
-        for j in range(min(i + 1, 3)):
-            acc = 0.0
-            for z in range(n):
-                acc += W[i, z] * A[j, z]
-            P[i, j] = W[i, j] + h * W[i, 3 + j] + half * acc
-            P[j, i] = P[i, j]
-            if 3 + j <= i:
-                P[i, 3 + j] = W[i, 3 + j] + h * acc
-                P[3 + j, i] = P[i, 3 + j]
-        for j in range(6, i + 1):
-            P[i, j] = W[i, j]
-            P[j, i] = P[i, j]
-    for i in range(3):
-        P[i, i] += a2[i] * h * h * h / 3.0
-        P[i, 3 + i] += a2[i] * h * h / 2.0
-        P[3 + i, i] = P[i, 3 + i]
-        P[3 + i, 3 + i] += a2[i] * h
-
-
-_propagate = compiled(_propagate_py, error_model="numpy")
-_filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
-
-
 @dataclass(frozen=True, eq=False)
 class FilterResult:
     """The result of `filter_jittered`: estimated states of N rows, and log-likelihood by axis."""
@@ -268,7 +263,7 @@ def filter_jittered(
     places = positions(structure, tuple(varying))
     X = np.full((len(data.t), 6 + len(varying)), np.nan)
     loglik = np.zeros(3)
-    _filter_compiled(
+    _filter(
         s, hooks.first, hooks.address, par, structure.memory, places,
         np.array(list(varying.values()), dtype=float), data.blocks, data.free, data.t, data.h,
         data.V, data.y, np.asarray(noise, dtype=float) ** 2, float(jitter_s),

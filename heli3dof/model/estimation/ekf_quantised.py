@@ -13,9 +13,8 @@ noise of the reading, and that of the angle is a²/k². Thus k is estimated from
 the noise level.
 
 The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
-change of a reading. Each event has the likelihood Z and acts on one component c of x. With the
-score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
-P_c is column c of P.
+change of a reading. Each event acts on one component c of x, with a likelihood Z, the score g and
+the information w: x ← x + P_c g, where P_c is column c of P.
 
 Σ ln Z is the log-likelihood of a recording. Parameters θ′ near the filter's θ change the prediction
 of c by δc. With P_c, g and w kept, the update is then x ← x + P_c (g − w δc). `follow` computes δc
@@ -28,10 +27,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import compiled, inlined
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.estimation.quantised_measurement import (
     LOG_UPDATE_RATIO,
@@ -63,7 +63,8 @@ STILL = 1e-5
 """rad; a smaller change of a reading counts as no change. Every encoder step is larger."""
 
 
-def _propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
+@inlined
+def propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
     """Advance the filter's covariance P (6, 6) by one step of h s: P ← Φ P Φᵀ + process noise.
 
     ``A`` (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations with respect to
@@ -100,10 +101,8 @@ def _propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
         P[3 + i, 3 + i] += a2[i] * h
 
 
-propagate_covariance = compiled(_propagate_covariance, leaf=True, error_model="numpy")
-
-
-def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
+@inlined
+def linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
     """Write the derivatives ∂q̈/∂x (3, 6) of the accelerations q̈ to A; x: angles and rates (6,).
 
     F (2,) N are the thrusts, w is work space. For the other arguments see
@@ -122,10 +121,8 @@ def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[n
         s[R + j] = x[j]
 
 
-linearise = compiled(_linearise, leaf=True, error_model="numpy")
-
-
-def _filter(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def filter_blocks(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
     loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
@@ -275,9 +272,6 @@ def _filter(  # type: ignore[no-untyped-def]
     return E
 
 
-filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
-
-
 @dataclass(frozen=True, eq=False)
 class FilterRun:
     """The result of one run of the Kalman filter over the data, with E measurement updates."""
@@ -340,14 +334,17 @@ def filter_quantised(
     )  # fmt: skip
 
 
-def _follow(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def follow(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Predict the E measurement updates (events) of `_filter` with J parameter sets; fill D (J, E).
+    """Predict the E measurement updates (events) of `filter_blocks`, with J parameter sets.
 
-    D is the predicted reading or rate minus that of `_filter`. Each event changes the state by
-    K (G − W D). row, state, C, G, W, K are the events that `_filter` stored; the other arguments
-    are those of `_filter`. ``s0`` and ``pars`` contain the J sets, each from `Structure.arrays`.
+    D (J, E) gets the predicted readings and rates minus those of `filter_blocks`. Each event
+    changes the state by K (G − W D). row, state, C, G, W, K are the events that `filter_blocks`
+    stored; the other arguments are those of `filter_blocks`. ``s0`` and ``pars`` contain the J
+    sets, each from `Structure.arrays`.
+
     Unlike in the filter, dry friction here ignores the uncertainty of the rates. Therefore, pass
     the filter's own parameters as the first set, and subtract the first row of D from the others.
     """
@@ -408,6 +405,3 @@ def _follow(  # type: ignore[no-untyped-def]
                     step_midpoint(
                         s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache
                     )
-
-
-follow = compiled(_follow, error_model="numpy", nogil=True)

@@ -33,14 +33,15 @@ from __future__ import annotations
 
 import math
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import inlined
 
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 LOG_UPDATE_RATIO = math.log(0.7)
 """An unchanged reading causes an update if ln Z minus the old ln Z is below this value."""
 
 
-def _tail(x: float) -> float:
+@inlined
+def tail(x: float) -> float:
     """Return Mills' ratio exp(x²/2) √(2π) Q(x), x ≥ 0; Q is the normal density's upper tail."""
     if x < 5.0:
         return SQRT2PI * 0.5 * math.erfc(x / SQRT2) * math.exp(0.5 * x * x)
@@ -50,10 +51,8 @@ def _tail(x: float) -> float:
     return 1.0 / d
 
 
-tail = compiled(_tail, leaf=True, error_model="numpy")
-
-
-def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
+@inlined
+def interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
     """Return (ln Z, g, w) at m = 0 for the probability Z = P(lo < X < hi), X ~ N(m, S).
 
     g = ∂ ln Z/∂m and w = −∂² ln Z/∂m² are score and information.
@@ -81,10 +80,8 @@ def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
     return logZ, sign * ratio / sd, (ratio * ratio - second) / S
 
 
-interval = compiled(_interval, leaf=True, error_model="numpy")
-
-
-def _rate_event(v: float, var: float) -> tuple[float, float, float]:
+@inlined
+def rate_event(v: float, var: float) -> tuple[float, float, float]:
     """Return (ln Z, g, w) for the expectation Z = E[max(q̇, 0)] of a rate q̇ ~ N(v, ``var``).
 
     g = ∂ ln Z/∂v and w = −∂² ln Z/∂v² are score and information.
@@ -104,10 +101,8 @@ def _rate_event(v: float, var: float) -> tuple[float, float, float]:
     return math.log(sd * f) - 0.5 * u * u - math.log(SQRT2PI), g, g * g - 1.0 / (var * f)
 
 
-rate_event = compiled(_rate_event, leaf=True, error_model="numpy")
-
-
-def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
+@inlined
+def apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
 
     y is the predicted encoder reading or rate, with ∂y/∂x[c] = ``scale``. Z is the measurement's
@@ -121,6 +116,3 @@ def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
         for n in range(j + 1):
             P[j, n] -= column[j] * column[n] * w
             P[n, j] = P[j, n]
-
-
-apply_event = compiled(_apply_event, leaf=True, error_model="numpy")

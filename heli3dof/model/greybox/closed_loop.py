@@ -8,14 +8,14 @@ Otherwise the initial thrusts balance roll and pitch.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT
-from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.control.controller import N_OUT, after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.model.greybox.linearisation import balance, true_angles
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
 
+@partial(compiled, error_model="numpy", nogil=True)
 def _fly(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, free, x, F, low, p, c, opened, bounds, z, reference, extra,
     grid0, grid, t, h, kick, late, angle, voltage, cmd,
@@ -74,9 +75,6 @@ def _fly(  # type: ignore[no-untyped-def]
         stop_at_table(x, low)
 
 
-_fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
-
-
 def on_table(angle0: np.ndarray) -> bool:
     """Return True if a rig at rest at ``angle0`` (3,) rad lies on its table."""
     return bool(angle0[0] < ON_TABLE_BELOW)
@@ -115,7 +113,7 @@ def fly(
     t = task.start_s + task.dt * np.arange(N, dtype=float) if t is None else t
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
-    _fly_compiled(
+    _fly(
         s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
         x[0] if on_table(read0) else -np.inf,
         p, c,

@@ -60,11 +60,11 @@ class _Plant:
     """The equations of a grey-box model as functions of arrays, with or without its motor delay."""
 
     def __init__(self, model: Valued, *, delayed: bool = True) -> None:
-        structure = model.structure
-        self.hooks = structure.hooks
-        self.s, self.par = structure.arrays(model.values)
-        self.mem = structure.memory
-        setup(self.s, self.hooks.first, self.hooks.address, self.par, self.mem)
+        hooks = model.structure.hooks
+        self.s, par = model.structure.arrays(model.values)
+        self.effects = hooks.first, hooks.address, par, model.structure.memory
+        """Arguments of every compiled function: the active effects"""
+        setup(self.s, *self.effects)
         self.delay = float(self.s[state_layout.DELAY])
         if not delayed:
             self.s[state_layout.DELAY] = 0.0
@@ -78,19 +78,13 @@ class _Plant:
         self.s[state_layout.R : state_layout.R + 3] = q
         self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
         self.s[state_layout.F_FRONT : state_layout.F_FRONT + 2] = F
-        h = self.hooks
-        accelerations(
-            self.s, h.first, h.address, self.par, self.mem, self.free, self.thrusts, np.empty(3), a
-        )
+        accelerations(self.s, *self.effects, self.free, self.thrusts, np.empty(3), a)
         return a
 
     def steady_thrusts(self, V: np.ndarray) -> np.ndarray:
         """Return the steady-state thrusts (2,) N at constant motor voltages V (2,) V."""
         out = np.empty(2)
-        h = self.hooks
-        steady_thrusts(
-            self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out
-        )
+        steady_thrusts(self.s, V.reshape(1, 2), np.ones(1), 0, 0, *self.effects, out)
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
@@ -100,25 +94,19 @@ class _Plant:
         """
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
         w, cache = np.zeros((8, 3)), np.full(6, -1.0)
-        h = self.hooks
         step(
             self.s, x, 0, np.zeros(1), np.array([dt]), V.reshape(1, 2),
-            self.steady_thrusts(V).reshape(1, 2), F, h.first, h.address, self.par, self.mem,
-            self.free, w, cache,
+            self.steady_thrusts(V).reshape(1, 2), F, *self.effects, self.free, w, cache,
         )  # fmt: skip
         return np.concatenate([x, w[7, :2]])
 
 
 def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:
     """Return the true angles (3,) rad at the encoder readings ``read`` (3,) rad."""
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
-    mem = model.structure.memory
-    setup(s, hooks.first, hooks.address, par, mem)
+    plant = _Plant(model)
     q, m, slope = np.array(read, dtype=float), np.empty(3), np.empty(3)
     for _ in range(3):
-        x = np.concatenate([q, np.zeros(3)])
-        readings(s, x, hooks.first, hooks.address, par, mem, m, slope)
+        readings(plant.s, np.concatenate([q, np.zeros(3)]), *plant.effects, m, slope)
         q = q - (m - read) / slope
     return q
 
@@ -255,9 +243,8 @@ def linear(model: GreyBoxModel, dt: float) -> tuple[LinearModel, tuple[str, ...]
     B = np.column_stack(
         [(plant.step(z0, u0 + d, dt) - plant.step(z0, u0 - d, dt)) / 2e-3 for d in 1e-3 * np.eye(2)]
     )
-    h = plant.hooks
     m, slope = np.empty(3), np.empty(3)
-    readings(plant.s, z0[:6].copy(), h.first, h.address, plant.par, plant.mem, m, slope)
+    readings(plant.s, z0[:6].copy(), *plant.effects, m, slope)
     C = np.zeros((3, 8))
     C[:, :3] = np.diag(slope)
     if plant.s[state_layout.TAU_M] <= 0.0:  # without lag the thrusts are no states

@@ -204,10 +204,7 @@ def nominal(profile: Profile, names: tuple[str, ...] = (), **values: float) -> G
 
 
 def _check_terms(names: Sequence[str], written_with: Mapping[str, Any]) -> None:
-    """Raise UsageError if an effect in ``names`` is not installed.
-
-    ``written_with`` is {effect: plug-in} from the model file.
-    """
+    """Raise UsageError for an effect that is not installed; ``written_with``: effect → plug-in."""
     for name in names:
         try:
             term(name)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -50,25 +51,11 @@ NOISE = np.array([0.05, 0.15, 0.05])
 `heli3dof.model.linear.prediction`."""
 
 
+@partial(compiled, error_model="numpy", nogil=True)
 def _windows(  # type: ignore[no-untyped-def]
-    s,
-    first,
-    address,
-    par,
-    mem,
-    where,
-    free,
-    t,
-    V,
-    thrust_integral,
-    X,
-    low,
-    starts,
-    ahead,
-    stride,
-    by_direction,
-    out,
-):
+    s, first, address, par, mem, where, free, t, V, thrust_integral, X, low, starts, ahead, stride,
+    by_direction, out,
+):  # fmt: skip
     """Simulate from the filter's states in S rows; write the readings at M horizons to ``out``.
 
     ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
@@ -99,9 +86,6 @@ def _windows(  # type: ignore[no-untyped-def]
             for q in range(3):
                 out[n, i, q] = m[q]
             a = b
-
-
-_windows_compiled = compiled(_windows, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +228,7 @@ def predictions(
     thrust_integral = impulse(structure, values, flight.V, flight.h, still=flight.still)
     out = np.empty((len(flight.starts), len(ahead), 3))
     starts = np.ascontiguousarray(flight.starts)  # numba compiles again for a strided array
-    _windows_compiled(
+    _windows(
         s, hooks.first, hooks.address, par, structure.memory, positions(structure, varying),
         flight.free, flight.t, flight.V, thrust_integral, states, flight.low, starts,
         np.asarray(ahead, dtype=np.int64), max(1, round(STEP_S / flight.dt)), by_direction, out,

@@ -18,8 +18,7 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT
-from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.control.controller import N_OUT, after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.linear.initial_state import rest_state
 
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
 _before, _after = compiled(before_law), compiled(after_law)
 
 
+@compiled
 def _fly(  # type: ignore[no-untyped-def]
     A, B, C, u0, y0, x, p, s, opened, bounds, z, reference, extra, grid0, grid, angle, voltage, cmd,
 ):  # fmt: skip
@@ -64,9 +64,6 @@ def _fly(  # type: ignore[no-untyped-def]
             x[i] = x_next[i]
 
 
-_fly_compiled = compiled(_fly)
-
-
 def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
@@ -85,24 +82,11 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     reference = np.nan_to_num(_floats(task.reference), nan=0.0)
     extra = np.nan_to_num(_floats(task.extra), nan=0.0)
-    _fly_compiled(
-        _floats(model.A),
-        _floats(model.B),
-        _floats(C),
-        _floats(model.u0),
-        np.where(there, model.y0, angle0).astype(float),
-        _floats(rest_state(model, angle0)).copy(),
-        p,
-        s,
-        *opening(task),
-        reference,
-        extra,
-        angle0,
-        _floats(grid),
-        angle,
-        voltage,
-        cmd,
-    )
+    _fly(
+        *map(_floats, (model.A, model.B, C, model.u0)),
+        np.where(there, model.y0, angle0).astype(float), _floats(rest_state(model, angle0)).copy(),
+        p, s, *opening(task), reference, extra, angle0, _floats(grid), angle, voltage, cmd,
+    )  # fmt: skip
     angle[:, ~there] = np.nan
     return LoopResult(
         t=task.dt * np.arange(N, dtype=float),

@@ -91,20 +91,14 @@ def filtered_states(
     gains = kalman_gains(model, recording, axes)
     y = recording.angle - model.y0
     y = np.where(axes, y, np.nan)
-    first = np.array([_first(recording.angle[:, i]) for i in range(3)])
+    known = (column[np.isfinite(column)] for column in recording.angle.T)
+    first = np.array([column[0] if len(column) else np.nan for column in known])
     x0 = rest_state(model, np.where(axes, first, np.nan))
     C = np.where(axes[:, None], model.C, 0.0)
     x = np.empty((len(y) + 1, model.order))
     x[0] = x0
-    _follow_compiled(
-        np.ascontiguousarray(model.A),
-        np.ascontiguousarray(model.B),
-        np.ascontiguousarray(C),
-        gains,
-        np.ascontiguousarray(u),
-        np.ascontiguousarray(y),
-        x,
-    )
+    A, B, C, u, y = map(np.ascontiguousarray, (model.A, model.B, C, u, y))
+    _follow(A, B, C, gains, u, y, x)
     return x
 
 
@@ -179,6 +173,7 @@ def _forced(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, h: int) 
     return y
 
 
+@compiled
 def _follow(A, B, C, gains, u, y, x):  # type: ignore[no-untyped-def]
     n = A.shape[0]
     last = gains.shape[0] - 1
@@ -196,11 +191,3 @@ def _follow(A, B, C, gains, u, y, x):  # type: ignore[no-untyped-def]
             if e == e:
                 for i in range(n):
                     x[k + 1, i] += L[i, axis] * e
-
-
-_follow_compiled = compiled(_follow)
-
-
-def _first(column: np.ndarray) -> float:
-    good = np.nonzero(np.isfinite(column))[0]
-    return float(column[good[0]]) if len(good) else np.nan

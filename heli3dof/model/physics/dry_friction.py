@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import inlined
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
 
@@ -47,7 +47,8 @@ SWEEPS = 20
 call = caller()
 
 
-def _soft_threshold(v: float, sd: float, b: float) -> tuple[float, float, float]:
+@inlined
+def soft_threshold(v: float, sd: float, b: float) -> tuple[float, float, float]:
     """Return (E S, ρ, Var S) of the rate S(v) after dry friction, if it was N(v, sd²) before.
 
     S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E dS/dv; v, sd, b in rad/s. A fit near
@@ -68,15 +69,13 @@ def _soft_threshold(v: float, sd: float, b: float) -> tuple[float, float, float]
     return mean, Qa + Qc, max(sd * sd * (Qa - a * ua + Qc - c * uc) - mean * mean, 0.0)
 
 
-soft_threshold = compiled(_soft_threshold, leaf=True, error_model="numpy")
-
-
-def _apply_dry_friction(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+@inlined
+def apply_dry_friction(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Apply dry friction to x after a step of h s; return True if any joint has friction.
 
     x (6,): angles and rates, changed in place. w (≥ 8, 3) is work space. At the call, its row 3
     contains the standard deviations of the rates. On return, row 2 contains ρ, row 3 Var S for the
-    joints with friction (see `_soft_threshold`), and row 4 + i contains W_ji/W_ii for all joints j,
+    joints with friction (see `soft_threshold`), and row 4 + i contains W_ji/W_ii for all joints j,
     with the inverse mass matrix W. Other arguments: see `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
@@ -153,11 +152,9 @@ def _apply_dry_friction(s, x, h, first, address, par, mem, free, w):  # type: ig
     return True
 
 
-apply_dry_friction = compiled(_apply_dry_friction, leaf=True, error_model="numpy")
-
-
-def _apply_friction_to_covariance(P, h, w, row):  # type: ignore[no-untyped-def]
-    """Apply dry friction to the covariance P (6, 6) of x; w is from `_apply_dry_friction`.
+@inlined
+def apply_friction_to_covariance(P, h, w, row):  # type: ignore[no-untyped-def]
+    """Apply dry friction to the covariance P (6, 6) of x; w is from `apply_dry_friction`.
 
     For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ, with t = ∂(Δx)/∂v_i (6,). Δx is the change of x
     by friction, v_i the joint's rate, e_i the unit vector of v_i in x. Then the variance of v_i in
@@ -178,8 +175,3 @@ def _apply_friction_to_covariance(P, h, w, row):  # type: ignore[no-untyped-def]
                 P[n, j] += t_n * row[j] + t_j * row[n] + t_n * t_j * row[c]
                 P[j, n] = P[n, j]
         P[c, c] += w[3, i] - rho * rho * row[c]
-
-
-apply_friction_to_covariance = compiled(
-    _apply_friction_to_covariance, leaf=True, error_model="numpy"
-)

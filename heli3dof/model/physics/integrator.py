@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import inlined
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
 from heli3dof.model.physics.dry_friction import apply_dry_friction
@@ -32,7 +32,8 @@ TAU_M, K_F, GAIN_FRONT, SLEW = _s.TAU_M, _s.K_F, _s.GAIN_FRONT, _s.SLEW
 SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 
-def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
+@inlined
+def setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
     """Call the effects that change rig parameters in s, once before a simulation.
 
     Arguments: see the head of this file.
@@ -41,13 +42,9 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
         call(address, i, s, par, mem, s)
 
 
-setup = compiled(_setup, leaf=True, error_model="numpy")
-
-
-def _step_without_dry_friction(  # type: ignore[no-untyped-def]
-    s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
-):
-    """Advance the state x (angles, rates) from row k to the next, without dry friction.
+@inlined
+def step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
+    """Advance the state x (angles, rates) from row k to the next, with dry friction.
 
     cache[:3] holds h, exp(−h/2τ), exp(−h/τ), with the rotors' lag τ (s). w[7, :2] becomes the
     thrusts (N) at the end of the step. Other arguments: see the head of this file.
@@ -70,25 +67,12 @@ def _step_without_dry_friction(  # type: ignore[no-untyped-def]
             w[6, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
             w[7, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, h[k])
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
-
-
-step_without_dry_friction = compiled(_step_without_dry_friction, leaf=True, error_model="numpy")
-
-
-def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
-    """Advance the state x (angles, rates) from row k to the next, with dry friction.
-
-    Arguments: see the head of this file.
-    """
-    step_without_dry_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     apply_dry_friction(s, x, h[k], first, address, par, mem, free, w)
 
 
-step = compiled(_step, leaf=True, error_model="numpy")
-
-
-def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
+@inlined
+def stop_at_table(x, low):  # type: ignore[no-untyped-def]
     """Stop a fall at the table, where roll is ``low`` (rad).
 
     If roll x[0] is below ``low``, it becomes ``low``, and a negative roll rate x[3] becomes zero.
@@ -99,10 +83,8 @@ def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
             x[3] = 0.0
 
 
-stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
-
-
-def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
+@inlined
+def fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x (angles, rates) and the thrusts F from row k to the next.
 
     Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. Other
@@ -114,13 +96,11 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cac
         F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
 
 
-fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
-
-
-def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
+@inlined
+def midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
     s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
 ):  # fmt: skip
-    """Advance the state x as `_step_without_dry_friction` does, but by the midpoint rule.
+    """Advance the state x as `step` does, but without dry friction and by the midpoint rule.
 
     The effects are evaluated at the rate in the middle of the step, predicted by the acceleration
     of the previous step, cache[3:6]. With the rate at the start instead, an axis of inertia J and
@@ -148,13 +128,9 @@ def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
         cache[3 + i] = w[2, i]
 
 
-midpoint_without_dry_friction = compiled(
-    _midpoint_without_dry_friction, leaf=True, error_model="numpy"
-)
-
-
-def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
-    """Advance the state x by one row as `_step` does, but by the midpoint rule."""
+@inlined
+def step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
+    """Advance the state x by one row as `step` does, but by the midpoint rule."""
     midpoint_without_dry_friction(
         s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
     )
@@ -162,10 +138,8 @@ def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, 
     apply_dry_friction(s, x, h[k], first, address, par, mem, free, w)
 
 
-step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
-
-
-def _mean_thrust_step(s, x, a, b, h, thrust_integral, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+@inlined
+def mean_thrust_step(s, x, a, b, h, thrust_integral, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance the state x from row a to row b by a midpoint step of ``h`` s, without dry friction.
 
     ``thrust_integral`` (N + 1, 2) N·s is the time integral of the thrusts up to each row. The step
@@ -187,16 +161,14 @@ def _mean_thrust_step(s, x, a, b, h, thrust_integral, V, first, address, par, me
         x[3 + i] += h * w[2, i]
 
 
-mean_thrust_step = compiled(_mean_thrust_step, leaf=True, error_model="numpy")
-
-
-def _mean_thrust_steps(  # type: ignore[no-untyped-def]
+@inlined
+def mean_thrust_steps(  # type: ignore[no-untyped-def]
     s, x, a, end, stride, t, thrust_integral, V, low, first, address, par, mem, free, w
 ):
     """Advance the state x from row a to row ``end`` in time steps of ``stride`` rows.
 
-    Each step is `_mean_thrust_step`, then dry friction, then the stop at the table at roll ``low``
-    (rad). ``thrust_integral``: see `_mean_thrust_step`. Other arguments: see the head of this file.
+    Each step is `mean_thrust_step`, then dry friction, then the stop at the table at roll ``low``
+    (rad). ``thrust_integral``: see `mean_thrust_step`. Other arguments: see the head of this file.
     """
     while a < end:
         b = min(a + stride, end)
@@ -209,10 +181,8 @@ def _mean_thrust_steps(  # type: ignore[no-untyped-def]
         a = b
 
 
-mean_thrust_steps = compiled(_mean_thrust_steps, leaf=True, error_model="numpy")
-
-
-def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
+@inlined
+def readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
     """Write the unquantised encoder readings, (3,) rad, at the state x into m.
 
     ``slope`` (3,) becomes ∂m_i/∂q_i, with the angles q. s[FLANK + i] selects the side of the
@@ -238,10 +208,8 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
             slope[i] = (slope[i] - m[i]) / 1e-6
 
 
-readings = compiled(_readings, leaf=True, error_model="numpy")
-
-
-def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
+@inlined
+def flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
     """Return encoder i's readings at the state x for a rising and a falling angle, and their slope.
 
     The two readings (rad) differ by the backlash; the slope is ∂reading/∂angle. m (3,) and
@@ -253,6 +221,3 @@ def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-unt
     s[FLANK + i] = -1.0
     readings(s, x, first, address, par, mem, m, slope)
     return rising, m[i], steep
-
-
-flanks = compiled(_flanks, leaf=True, error_model="numpy")

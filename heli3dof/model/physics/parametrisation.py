@@ -28,7 +28,6 @@ from heli3dof.model.effects import Term
 from heli3dof.model.effects.base import Parameter
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import Hook, address
-from heli3dof.model.physics.rest_context import context
 from heli3dof.rig.profile import Profile
 
 INERTIA_PRIOR = 0.7
@@ -154,7 +153,7 @@ class Structure:
         (H + 1, PARAMETERS) holds the parameters of function i (`state_layout`). The last row of par
         is unused. ``values`` are in the units of `free`.
         """
-        s = context(self.profile)
+        s = _s.context(self.profile)
         s[_s.T_G] = values[0]
         s[_s.J_R : _s.J_R + 3] = values[1:4]
         unit = thrust_per_volt_ratio(self.profile, values)

@@ -78,7 +78,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import inlined
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
 
@@ -100,10 +100,11 @@ THRUST, TORQUE = int(_s.Stage.THRUST), int(_s.Stage.TORQUE)
 call = caller()
 
 
-def _simplified(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
+@inlined
+def simplified(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
     """Replace the accelerations ``a`` by a blend with those of the simplified equations.
 
-    Equations: see the head of this file. Arguments: see `_body_accelerations`.
+    Equations: see the head of this file. Arguments: see `body_accelerations`.
     """
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
@@ -125,10 +126,8 @@ def _simplified(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
         a[2] += s[UNCOUPLED] * (yaw - a[2]) + s[CONSTANT_YAW_INERTIA] * (t_y / s[J_PSI] - yaw)
 
 
-simplified = compiled(_simplified, leaf=True, error_model="numpy")
-
-
-def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
+@inlined
+def body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
     """Write the angular accelerations (3,) rad/s² of the rigid body to ``a``.
 
     s: rig parameters and state; ``force`` (2,) N: thrusts; ``torque`` (3,) N·m: the effects'
@@ -180,10 +179,8 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
         a[2] += s[LINEAR] * (hover - a[2])
 
 
-body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy")
-
-
-def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
+@inlined
+def accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
     """Write the angular accelerations (3,) rad/s² of the rig with its effects to ``a``.
 
     ``force`` (2,) and ``torque`` (3,) are work space; ``s`` … ``free``: see
@@ -203,10 +200,8 @@ def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type
     body_accelerations(s, force, torque, free, a)
 
 
-accelerations = compiled(_accelerations, leaf=True, error_model="numpy")
-
-
-def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+@inlined
+def advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance angles and rates x (6,) by h s with the thrusts F0, Fm, F1 (2,) N.
 
     F0, Fm, F1 are the exact thrusts at start, middle and end. Method: Runge–Kutta–Nyström with
@@ -230,6 +225,3 @@ def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: i
     for i in range(3):
         x[i] += h * x[3 + i] + h * h / 6.0 * (a0[i] + 2.0 * am[i])
         x[3 + i] += h / 6.0 * (a0[i] + 4.0 * am[i] + a1[i])
-
-
-advance = compiled(_advance, leaf=True, error_model="numpy")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import inlined
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
 
@@ -22,7 +22,8 @@ SLEW = _s.SLEW
 VOLTAGE = int(_s.Stage.VOLTAGE)
 
 
-def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
+@inlined
+def lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
     """Return a rotor's thrust (N) after h s, from F (N) at the start: τ Ḟ = target − F.
 
     ``tau`` (s) is τ; Ḟ is at most ``slew`` (N/s; 0: no limit). The solution is exact: while the
@@ -39,10 +40,8 @@ def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float
     return target + (F - target) * math.exp(-h / tau)
 
 
-lagged = compiled(_lagged, leaf=True, error_model="numpy")
-
-
-def _steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
+@inlined
+def steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
     """Write to out (2,) N the steady-state thrusts at the voltages that act in row k.
 
     V (N, 2) V are the commanded voltages, h (N,) s the times to the next row. With a delay, earlier
@@ -65,10 +64,8 @@ def _steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: i
     out[1] *= s[K_F] * s[GAIN_BACK]
 
 
-steady_thrusts = compiled(_steady_thrusts, leaf=True, error_model="numpy")
-
-
-def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
+@inlined
+def thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
     """Write each row's steady-state thrusts to ``target``, and its initial thrusts to F (N, 2) N.
 
     The function computes rows lead … stop − 1 from the voltages V (N, 2) held for h (N,) s. In row
@@ -90,6 +87,3 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
                     at = h[k - 1]
                     left = math.exp(-at / tau) if tau > 0.0 else 0.0
                 F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
-
-
-thrusts = compiled(_thrusts, leaf=True, error_model="numpy")

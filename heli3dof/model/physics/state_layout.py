@@ -10,6 +10,10 @@ from __future__ import annotations
 
 import enum
 
+import numpy as np
+
+from heli3dof.rig.profile import Profile, g
+
 T = 0
 """s, time since the recording's first sample"""
 R, P, PSI = 1, 2, 3
@@ -89,3 +93,21 @@ class Stage(enum.IntEnum):
     """Called once a sample. Change ``out`` (3,) rad, the encoders' readings, in place."""
     DRY = 5
     """Called after every time step. Add to ``out`` (3,) N·m, the largest dry friction torques."""
+
+
+def context(profile: Profile) -> np.ndarray:
+    """Return the context array s of the profile's rig at rest, without effects."""
+    p = profile
+    s = np.zeros(SIZE)
+    s[L_A], s[L_H], s[L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
+    s[K_F] = p.motor.K_f
+    s[T_G] = p.trim_torque
+    s[J_R : J_R + 3] = p.inertias
+    # Inertia beyond that of the profile's masses rotates with the joint alone (`rigid_body`).
+    s[BODY_P], s[BODY_PSI] = p.mass_inertias[1:]
+    s[GAIN_FRONT] = s[GAIN_BACK] = 1.0
+    s[V_O], s[V_MAX] = p.motor.V_o, p.motor.v_max
+    s[M_W], s[M_F], s[M_B] = p.mass.m_w, p.mass.m_f, p.mass.m_b
+    s[REST : REST + 3] = p.encoder.rest_rad
+    s[G_P] = (p.mass.m_f - p.mass.m_b) * g * p.geometry.L_h
+    return s

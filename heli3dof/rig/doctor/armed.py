@@ -93,10 +93,7 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return cause → number of missing samples, from the link's counters (keys: `WHERE`).
-
-    The dict is empty if the link does not count every cause.
-    """
+    """Return cause → missing samples, for the causes in `WHERE`; {} if the link omits a cause."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}

@@ -1,4 +1,7 @@
-"""Checks the computer: clock, wake-up latency, frequency governors, load, memory."""
+"""Checks the computer: clock, wake-up latency, frequency governors, load, memory.
+
+Only `wake_up` uses the profile, the argument of each check.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,6 @@ def clock(profile: Profile) -> Check:
     """Return a `Check` that the monotonic clock resolves `RESOLUTION_S` s and is fast to read.
 
     For a slow clock the result is undecided (``good`` None) if the system offers no faster one.
-    ``profile`` is not used.
     """
     what = "clock"
     resolution = time.get_clock_info("monotonic").resolution
@@ -64,10 +66,7 @@ def wake_up(profile: Profile) -> Check:
 
 
 def frequency(profile: Profile) -> Check:
-    """Return a `Check` that the governor of the CPU frequency, if any, is ``performance``.
-
-    ``profile`` is not used.
-    """
+    """Return a `Check` that the governor of the CPU frequency, if any, is ``performance``."""
     what = "frequency governor"
     files = sorted((SYSTEM / "cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     found = sorted({text for file in files if (text := _text(file)) is not None})
@@ -80,10 +79,7 @@ def frequency(profile: Profile) -> Check:
 
 
 def load(profile: Profile) -> Check:
-    """Return a `Check` that the load average leaves at least half a processor core free.
-
-    ``profile`` is not used.
-    """
+    """Return a `Check` that the load average leaves at least half a processor core free."""
     what = "other work"
     if not hasattr(os, "getloadavg"):
         return Check(what, "this system does not report it", None)
@@ -94,7 +90,7 @@ def load(profile: Profile) -> Check:
 
 
 def memory(profile: Profile) -> Check:
-    """Return a `Check` that 512 MiB of memory are available; ``profile`` is not used."""
+    """Return a `Check` that 512 MiB of memory are available."""
     what = "memory"
     text = _text(Path("/proc/meminfo"))
     if text is None:

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError, quoted
 from heli3dof.rig.drivers import check_url, find_rigs, is_private, load_driver
@@ -46,13 +46,13 @@ class Stopped:
     """True if a session held the rig; False: a driver found the device, which may be no rig"""
 
 
-def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
-    """Stop the rig at the URL ``device``; None: all rigs. Return (results, URLs left out).
+def request_estop(device: str | None, reason: str) -> EstopResult:
+    """Stop the rig at the URL ``device``, or every rig if None; return one result per device.
 
-    A URL is left out if a driver found the port, but no rig is known to be there (`is_known`).
-    Nothing is sent to such a port, since it may belong to another instrument. ``reason`` is stored
-    in the recording of the flight that ends. Raises UsageError for an invalid URL. A device that
-    cannot be stopped gives a result with ``done`` False.
+    A failed stop raises no error; ``unconfirmed`` lists it. An invalid URL raises UsageError.
+    ``skipped`` lists the ports that a driver found but at which no rig is known (`is_known`):
+    nothing is sent to them, since they may belong to other instruments. ``reason`` is stored in the
+    recording of the flight that the stop ends.
     """
     if device is not None:
         check_url(device)
@@ -67,20 +67,20 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     requests = [Request(s, {"do": "estop", "reason": reason}) for s in sessions]
     alive = [request for request in requests if request.accepted]
     results = [stopped for each in alive if (stopped := _await(each, start)) is not None]
-    if device is not None:
-        if not results and not is_private(device):
-            results = [_directly(device, start)]
-        return results, []
-    held = {device_name(request.session.device) for request in alive}
-    found_now = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
-    # A remembered URL replaces a found one: it has the options that the device needs.
-    free = {device_name(u): u for u in (*found_now, *remembered()) if not is_private(u)}
-    known: list[str] = []
-    left_out: list[str] = []
-    for name, url in free.items():
-        if name not in held:
-            (known if is_known(url) else left_out).append(url)
-    return results + _all_directly(known, start), left_out
+    skipped: list[str] = []
+    if device is None:
+        held = {device_name(request.session.device) for request in alive}
+        found_now = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
+        # A remembered URL replaces a found one: it has the options that the device needs.
+        free = {device_name(u): u for u in (*found_now, *remembered()) if not is_private(u)}
+        known: list[str] = []
+        for name, url in free.items():
+            if name not in held:
+                (known if is_known(url) else skipped).append(url)
+        results += _all_directly(known, start)
+    elif not results and not is_private(device):
+        results = [_directly(device, start)]
+    return EstopResult([s for s in results if s.done], [s for s in results if not s.done], skipped)
 
 
 def _await(request: Request, start: float) -> Stopped | None:
@@ -112,8 +112,7 @@ def _await(request: Request, start: float) -> Stopped | None:
 def _all_directly(devices: Sequence[str], start: float) -> list[Stopped]:
     """Stop each device through its driver, in a thread per device; return the results.
 
-    An unreachable device fails after seconds, without delaying the others. ``start``: when the stop
-    began, in s (monotonic).
+    So an unreachable device, which fails after seconds, delays no other.
     """
     results: dict[str, Stopped] = {}
 
@@ -148,10 +147,10 @@ def _directly(device: str, start: float) -> Stopped:
 class EstopResult:
     """The result of an emergency stop: one result per rig, and the URLs that were left out."""
 
-    stopped: list[Stopped] = field(default_factory=list)
-    unconfirmed: list[Stopped] = field(default_factory=list)
+    stopped: list[Stopped]
+    unconfirmed: list[Stopped]
     """Results of the devices that did not confirm the stop"""
-    skipped: list[str] = field(default_factory=list)
+    skipped: list[str]
     """URLs of ports at which no rig is known: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
@@ -189,16 +188,6 @@ class EstopResult:
                 cause="the cable is out, the device hangs, or you may not open the port.",
                 fix="switch off the amplifier. Without commands, its watchdog stops it",
             )
-
-
-def request_estop(device: str | None, reason: str) -> EstopResult:
-    """Stop the rig at the URL ``device``, or every rig if None; return one result per device.
-
-    A failed stop raises no error; ``unconfirmed`` lists it. An invalid URL raises UsageError.
-    ``reason`` is stored in the recording of the flight that the stop ends.
-    """
-    reached, skipped = stop_rigs(device, reason)
-    return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
 
 
 def estop(device: str | None = None, reason: str = "heli3dof.estop()") -> EstopResult:

@@ -63,7 +63,11 @@ def open_rig(
         opened = open_driver(device, profile)
         try:
             if not opened.identity.serial.strip():
-                raise _no_serial_number(device)
+                raise DeviceError(
+                    f"{device}: the device has no serial number.",
+                    cause="its firmware leaves the field empty; rest angles and locks need it.",
+                    fix="give it one in its firmware; docs/reference/protocol.md, IDENTITY",
+                )
             session.claim(opened.identity)
         except BaseException:
             opened.close()  # it was never armed: another session's rig stays as it is
@@ -77,14 +81,6 @@ def open_rig(
             yield rig
         finally:
             rig.close()
-
-
-def _no_serial_number(device: str) -> DeviceError:
-    return DeviceError(
-        f"{device}: the device has no serial number.",
-        cause="its firmware leaves the field empty; rest angles and locks need it.",
-        fix="give it one in its firmware; docs/reference/protocol.md, IDENTITY",
-    )
 
 
 def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pytest
 from cobs.cobs import encode
 from heli3dof_drivers.emulator.amplifier import FAULT, Amplifier
 from heli3dof_drivers.emulator.endpoint import Endpoint
-from heli3dof_drivers.emulator.transport import emulated
+from heli3dof_drivers.emulator.transport_pty import emulated
 from heli3dof_drivers.link.frames import (
     Ack,
     Arm,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heli3dof_drivers.emulator.transport import Delay
+from heli3dof_drivers.emulator.transport_pty import Delay
 
 
 def test_bytes_arrive_after_the_delay_in_order() -> None:

@@ -59,9 +59,6 @@ class DirectLine:
         while self._held and self._held[0][0] <= now:
             self._waiting += self._held.pop(0)[1]
 
-    def flush_input(self) -> None:
-        self._waiting = b""
-
     def close(self) -> None:
         self.closed = True
 

@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.model.control.controller import Controller
-from heli3dof.model.control.loop_opening import (
+from heli3dof.model.control.controller import (
     CLOSED,
     LEARN,
     OPEN,
-    OpenedController,
+    Controller,
     open_loop_bounds,
 )
 from heli3dof.rig.profile import Limits, default_profile
@@ -22,7 +21,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 def flown(modes: list[tuple[int, int, int]], angles: np.ndarray, reference=STILL):  # type: ignore[no-untyped-def]
-    c = OpenedController.of(PROFILE)
+    c = Controller.of(PROFILE)
     c.reset(angles[0])
     return [c.step_opened(m, a, reference, (0.0, 0.0)) for m, a in zip(modes, angles, strict=True)]
 
@@ -87,7 +86,7 @@ def test_the_recorded_law_gives_the_flown_voltage_to_the_last_bit(seed: int) -> 
     angles = np.cumsum(rng.normal(0, 0.002, (200, 3)), axis=0)
     modes = [tuple(int(m) for m in row) for row in np.repeat(rng.integers(0, 3, (10, 3)), 20, 0)]
     extra = rng.normal(0, 1, (200, 2))
-    c = OpenedController.of(PROFILE)
+    c = Controller.of(PROFILE)
     c.reset(angles[0])
     again = Controller.of(PROFILE)
     again.reset(angles[0])

@@ -102,8 +102,7 @@ def test_the_covariance_shrinks_as_the_states_do() -> None:
     def settled(x: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         x, w = x.copy(), np.zeros((8, 3))
         w[3] = sd
-        k = plant.hooks
-        apply_dry_friction(plant.s, x, h, k.first, k.address, plant.par, plant.mem, plant.free, w)
+        apply_dry_friction(plant.s, x, h, *plant.effects, plant.free, w)
         return x, w
 
     after, w = settled(mean, np.sqrt(np.diag(P)[3:]))

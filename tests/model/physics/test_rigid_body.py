@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from heli3dof.model.physics import state_layout as s_
 from heli3dof.model.physics.parametrisation import thrust_per_volt_ratio
-from heli3dof.model.physics.rest_context import context
 from heli3dof.model.physics.rigid_body import body_accelerations
+from heli3dof.model.physics.state_layout import context
 from heli3dof.rig.profile import default_profile
 
 ALL = np.ones(3, dtype=bool)

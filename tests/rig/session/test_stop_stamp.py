@@ -12,7 +12,7 @@ import pytest
 from heli3dof.errors import SafetyTrip
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import stop_stamp
-from heli3dof.rig.session.estop import stop_rigs
+from heli3dof.rig.session.estop import request_estop
 from heli3dof.rig.session.open_exclusive import open_rig
 from heli3dof.rig.session.paths import runtime_folder
 from heli3dof.rig.session.stop_stamp import (
@@ -48,7 +48,7 @@ def test_a_command_begun_before_a_stop_does_not_arm_and_one_begun_after_it_does(
     stopped: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver())
-    stop_rigs(stopped, "smoke")
+    request_estop(stopped, "smoke")
     with open_rig("fake://1", PROFILE) as rig, pytest.raises(SafetyTrip, match="smoke"):
         rig.arm()
     assert not armed("fake://1")  # so do the next flights of the same command
@@ -58,7 +58,7 @@ def test_a_command_begun_before_a_stop_does_not_arm_and_one_begun_after_it_does(
 
 def test_a_stop_does_not_affect_another_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     only_drivers(monkeypatch, fake=FakeDriver())
-    stop_rigs("fake://2", "smoke")
+    request_estop("fake://2", "smoke")
     assert armed("fake://1")
 
 
@@ -66,7 +66,7 @@ def test_a_stop_affects_a_rig_through_each_of_its_ports(monkeypatch: pytest.Monk
     only_drivers(monkeypatch, pipe=FakeDriver(), port=FakeDriver(scheme="port"))
     with open_rig("pipe://1", PROFILE):
         pass
-    stop_rigs("pipe://1", "smoke")
+    request_estop("pipe://1", "smoke")
     assert not armed("port://1")
 
 
@@ -74,7 +74,7 @@ def test_a_stop_by_serial_number_in_the_url_affects_the_rig(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver())
-    stop_rigs(f"fake://1209:0001/{IDENTITY.serial}", "smoke")
+    request_estop(f"fake://1209:0001/{IDENTITY.serial}", "smoke")
     assert not armed("fake:")
 
 

@@ -11,10 +11,10 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 
 import heli3dof as h3
+from heli3dof.model.export import export
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.model import LinearModel
-from heli3dof.model.mat_file import save_mat
 from heli3dof.rig.profile import default_profile
 
 PROFILE = default_profile()
@@ -33,7 +33,7 @@ def step(A: np.ndarray, B: np.ndarray, C: np.ndarray, n: int) -> np.ndarray:
 
 
 def test_the_hover_model_is_eq_8_in_continuous_time(tmp_path: Path) -> None:
-    found = read(save_mat(hover_model(PROFILE), tmp_path / "a.mat"))
+    found = read(export(hover_model(PROFILE), tmp_path / "a.mat"))
     J_roll, J_pitch, _ = PROFILE.inertias
     g, K_f = PROFILE.geometry, PROFILE.motor.K_f
     np.testing.assert_allclose(found["Bc"][3], g.L_a * K_f / J_roll * np.array([1, 1]), atol=1e-9)
@@ -45,7 +45,7 @@ def test_the_hover_model_is_eq_8_in_continuous_time(tmp_path: Path) -> None:
 
 
 def test_names_and_units_are_cell_arrays_of_text(tmp_path: Path) -> None:
-    found = read(save_mat(hover_model(PROFILE), tmp_path / "a.mat"))
+    found = read(export(hover_model(PROFILE), tmp_path / "a.mat"))
     assert found["state_names"].tolist() == ["r", "p", "psi", "r_rate", "p_rate", "psi_rate"]
     assert found["state_units"].tolist() == ["rad"] * 3 + ["rad/s"] * 3
     assert found["input_names"].tolist() == ["v_front_V", "v_back_V"]
@@ -56,7 +56,7 @@ def test_names_and_units_are_cell_arrays_of_text(tmp_path: Path) -> None:
 
 def test_sampled_and_continuous_matrices_describe_the_same_model(tmp_path: Path) -> None:
     model = nominal(PROFILE, ("motor.lag",), **{"motor.lag.time_constant_s": 0.1})
-    found = read(save_mat(model, tmp_path / "a.mat"))
+    found = read(export(model, tmp_path / "a.mat"))
     n, size = 100, len(found["A"])
     M = np.zeros((size + 2, size + 2))
     M[:size] = np.column_stack([found["Ac"], found["Bc"]])
@@ -70,7 +70,7 @@ def test_sampled_and_continuous_matrices_describe_the_same_model(tmp_path: Path)
 
 def test_a_delay_gives_states_in_volts_and_a_bilinear_continuous_model(tmp_path: Path) -> None:
     model = nominal(PROFILE, ("motor.delay",), **{"motor.delay.delay_s": 0.004})
-    found = read(save_mat(model, tmp_path / "a.mat"))
+    found = read(export(model, tmp_path / "a.mat"))
     assert found["continuous_by"] == "bilinear"
     assert found["state_units"].tolist()[6:] == ["V"] * (len(found["A"]) - 6)
     assert found["Dc"].shape == (3, 2)
@@ -82,7 +82,7 @@ def test_an_axis_that_the_model_lacks_is_no_output(tmp_path: Path) -> None:
         "a", "pem", A=0.5 * np.eye(2), B=np.eye(2), C=C, K=np.arange(6.0).reshape(2, 3),
         S=np.full((3, 3), np.nan), u0=np.zeros(2), y0=np.array([0.1, 0.2, np.nan]), dt=0.002,
     )  # fmt: skip
-    found = read(save_mat(model, tmp_path / "a.mat"))
+    found = read(export(model, tmp_path / "a.mat"))
     assert found["output_names"].tolist() == ["roll_rad", "pitch_rad"]
     np.testing.assert_array_equal(found["C"], np.eye(2))
     np.testing.assert_array_equal(found["y0_rad"], [0.1, 0.2])
@@ -92,7 +92,7 @@ def test_an_axis_that_the_model_lacks_is_no_output(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["A", "B", "C", "D", "Ac", "Bc", "Cc", "Dc", "u0_V", "y0_rad"])
 def test_every_number_is_finite(tmp_path: Path, name: str) -> None:
-    found = read(save_mat(nominal(PROFILE), tmp_path / "a.mat"))
+    found = read(export(nominal(PROFILE), tmp_path / "a.mat"))
     assert np.isfinite(found[name]).all()
 
 
