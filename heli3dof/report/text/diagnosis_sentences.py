@@ -27,7 +27,7 @@ VERDICTS = {
     "explained": "The causes below explain the simulation error.",
     "nothing_found": "No simulation error beyond noise was found.",
     "off_calibration": "Only the profile's numbers are wrong: refitted, they explain the error.",
-    "ambiguous": "The simulation is wrong; this recording does not separate the possible causes.",
+    "ambiguous": "The simulation is wrong, but {}.",
     "unexplained": "Part of the simulation error has no known cause.",
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
@@ -85,6 +85,8 @@ def verdict(document: Document) -> str:
     meaning = VERDICTS[word]
     if word == "explained" and refit_explains(document):
         meaning = WITH_REFIT if adopted(document) else BY_REFIT
+    if word == "ambiguous":
+        meaning = meaning.format(_why_ambiguous(document))
     if _is_refused(document):
         meaning = NOT_IMPORTED
     if word == "explained" and all(map(is_counted, document["findings"])):
@@ -100,6 +102,20 @@ def verdict(document: Document) -> str:
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def _why_ambiguous(document: Document) -> str:
+    """Return which causes the recordings do not separate, or which one they do not confirm."""
+    doubtful = (f for f in document["findings"] if f["tied_with"] or f.get("like"))
+    first = next(doubtful, None)
+    if first is None:
+        return "these recordings do not separate the possible causes"
+    if not first["tied_with"]:
+        return f"these recordings do not confirm {name_of(first)}"
+    names = [name_of(first), *map(str, first["tied_with"])]
+    if len(names) > LISTED:
+        names = [*names[: LISTED - 1], f"{len(names) - LISTED + 1} other causes"]
+    return f"these recordings do not separate {listed(names)}"
 
 
 def _is_refused(document: Document) -> bool:

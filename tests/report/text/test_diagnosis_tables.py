@@ -378,6 +378,16 @@ def test_a_parameter_insignificantly_beyond_its_tolerance_is_no_finding() -> Non
         assert "not significantly" not in text_of(plain)
 
 
+def test_an_ambiguous_verdict_names_the_causes_that_are_not_separated() -> None:
+    assert "do not separate friction.coulomb.yaw and friction.viscous.yaw." in text_of(DOCUMENT)
+    many = [f"motor.effect_{n}" for n in range(9)]
+    text = text_of(changed(findings=[{**DOCUMENT["findings"][0], "tied_with": many}]))
+    assert "motor.effect_3 and 5 other causes." in text
+    unconfirmed = {**DOCUMENT["findings"][0], "tied_with": [], "like": True}
+    text = text_of(changed(findings=[unconfirmed]))
+    assert "these recordings do not confirm friction.coulomb.yaw." in text
+
+
 def test_the_readmes_session_shows_the_verdict_and_the_cause() -> None:
     assert "docs/pictures/terminal.svg" in (ROOT / "README.md").read_text(encoding="utf-8")
     picture = (ROOT / "docs" / "pictures" / "terminal.svg").read_text(encoding="utf-8")
