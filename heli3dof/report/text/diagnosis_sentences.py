@@ -626,7 +626,7 @@ def next_steps(document: Document) -> Iterator[str]:
     yield f"To simulate the extended model: heli3dof simulate steps --model {model}"
     if not document["holdout"]:
         yield (
-            "The gain was measured on blocks left out of the fit. To measure it on another "
+            f"The gain was measured on {measured_on(document)}. To measure it on another "
             "flight: heli3dof diagnose REC... --holdout ANOTHER-REC"
         )
 

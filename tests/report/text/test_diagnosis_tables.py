@@ -388,6 +388,13 @@ def test_an_ambiguous_verdict_names_the_causes_that_are_not_separated() -> None:
     assert "these recordings do not confirm friction.coulomb.yaw." in text
 
 
+def test_every_sentence_states_the_same_data_on_which_the_gain_was_measured() -> None:
+    gain = {**DOCUMENT["gain"], "measured_on": "the recordings themselves"}
+    text = text_of(changed(gain=gain, model="model.json"))
+    assert "The gain was measured on the fitted recordings themselves" in text
+    assert "blocks left out" not in text
+
+
 def test_the_readmes_session_shows_the_verdict_and_the_cause() -> None:
     assert "docs/pictures/terminal.svg" in (ROOT / "README.md").read_text(encoding="utf-8")
     picture = (ROOT / "docs" / "pictures" / "terminal.svg").read_text(encoding="utf-8")
