@@ -8,6 +8,7 @@ messages, prompts, comments in written files and tables of the documentation.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -170,11 +171,22 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
             fix=f"ls -l {quoted(path)}",
         ) from problem
     except (tomllib.TOMLDecodeError, RecursionError) as problem:
+        cause, fix = _syntax_advice(path, str(problem))
         raise error(
-            f"The {what} {path} is not valid TOML: {problem}.",
-            cause="a missing quote, bracket or equals sign.",
-            fix=f"edit {path}",
+            f"The {what} {path} is not valid TOML: {problem}.", cause=cause, fix=fix
         ) from problem
+
+
+def _syntax_advice(path: Path, problem: str) -> tuple[str, str]:
+    """Return likely cause and fix of tomllib's error message ``problem``, which names a line."""
+    if (place := re.search(r"at line (\d+)", problem)) is not None:
+        line = path.read_text(encoding="utf-8-sig").split("\n")[int(place[1]) - 1].strip()
+        if number := re.search(r"=\s*([+-]?\d+),(\d+)", line):
+            return (
+                f"a decimal comma in {line!r}; TOML needs a decimal point.",
+                f"write {number[1]}.{number[2]} in line {place[1]} of {path}",
+            )
+    return "a missing quote, bracket or equals sign.", f"edit {path}"
 
 
 @dataclass(frozen=True)
@@ -273,6 +285,13 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
             f"{name or 'the content'} = {e['input']!r} is not a table of keys",
             "a value where a table (in Python a dict) belongs.",
             f"edit {source}",
+        )
+    if e["type"] == "list_type" and isinstance(e["input"], dict):
+        return Problem(
+            name,
+            f"{name} is one table; it must be a list of tables",
+            f"single brackets, [{name}], around the name of a table of a list.",
+            f"write [[{name}]] in {source}",
         )
     if e["type"] != "conflict":
         verb = "is" if e["type"] == "implausible" else "cannot be:"

@@ -116,6 +116,13 @@ def test_the_error_names_a_wrong_key(data: dict, parts: list) -> None:
         assert part in str(caught.value)
 
 
+def test_a_segment_in_single_brackets_is_explained() -> None:
+    with pytest.raises(PlanError) as caught:
+        plan_from_dict({"name": "x", "segment": {"kind": "hold", "duration_s": 1}})
+    assert "segment is one table; it must be a list of tables" in caught.value.what
+    assert caught.value.fix == "write [[segment]] in plan"
+
+
 def test_the_error_for_a_misspelt_name_suggests_the_nearest_plan() -> None:
     with pytest.raises(PlanError, match="did you mean 'steps'"):
         load_plan("stepps")
