@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -19,7 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Validat
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
-from heli3dof.errors import UsageError, did_you_mean, nearest, no_file, quoted
+from heli3dof.errors import UsageError, did_you_mean, nearest, quoted
+from heli3dof.file_kind import no_file, toml_kind, toml_use
 
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -148,16 +149,18 @@ def value_at(data: Any, name: str) -> Any:
 M = TypeVar("M", bound=BaseModel)
 
 
-def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
+def read_toml(
+    path: Path, what: str, error: type[UsageError], names: Iterable[str] = ()
+) -> dict[str, Any]:
     """Return the content of the TOML file ``path`` as nested dicts.
 
     Raises an exception of the class ``error`` if the file cannot be read; ``what``, for example
     "profile", is the kind of file that the message names.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise no_file(path, what, error) from None
+        raise no_file(path, what, error, names) from None
     except UnicodeDecodeError:
         raise error(
             f"{path} is not a {what}: it is not a text file in UTF-8.",
@@ -175,6 +178,14 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
         raise error(
             f"The {what} {path} is not valid TOML: {problem}.", cause=cause, fix=fix
         ) from problem
+    kind = toml_kind(data)
+    if kind not in (None, what):
+        raise error(
+            f"{path} is a {kind}, not a {what}.",
+            cause="another file was meant.",
+            fix=toml_use(path, kind),
+        )
+    return data
 
 
 def _syntax_advice(path: Path, problem: str) -> tuple[str, str]:

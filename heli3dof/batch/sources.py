@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
-from heli3dof.errors import RecordingError, UsageError, no_file, quoted
+from heli3dof.errors import RecordingError, UsageError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importers import endings
 from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
