@@ -250,7 +250,7 @@ def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -
     missing = list[tuple[str, ...]]()
     for e in errors:
         path = tuple(str(part) for part in e["loc"])
-        if e["type"] == "missing":
+        if e["type"] == "missing" and not _is_short_list(e):
             missing.append(path)
         if e["type"] != "extra_forbidden":
             continue
@@ -269,11 +269,17 @@ def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -
     if missing:
         out.append(_missing_keys([n for p in missing for n in _required(model, p)],
                                  *_keys_at(model, missing[0][:-1]), source))  # fmt: skip
-    out += [_wrong_value(e, source) for e in errors if e["type"] not in _KEY_ERRORS]
+    out += [
+        _wrong_value(e, source)
+        for e in errors
+        if e["type"] not in ("extra_forbidden", "missing") or _is_short_list(e)
+    ]
     return out
 
 
-_KEY_ERRORS = ("extra_forbidden", "missing")
+def _is_short_list(e: ErrorDetails) -> bool:
+    """Return True if a value of a list of fixed length is missing, not a key."""
+    return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 
 def _missing_keys(names: list[str], known: list[str], where: str, source: str) -> Problem:
@@ -288,8 +294,20 @@ def _missing_keys(names: list[str], known: list[str], where: str, source: str) -
 
 
 def _wrong_value(e: ErrorDetails, source: str) -> Problem:
-    name = ".".join(str(part) for part in e["loc"])
+    name = ".".join(str(part) for part in (e["loc"][:-1] if _is_short_list(e) else e["loc"]))
     what = e["msg"]
+    shapes = {
+        "missing": "has too few values",
+        "too_long": f"must have {e.get('ctx', {}).get('max_length')} values",
+        "tuple_type": "must be a list of values",
+    }
+    if e["type"] in shapes:
+        return Problem(
+            name,
+            f"{name} = {e['input']!r} {shapes[e['type']]}",
+            "a value was left out or added, or brackets are missing.",
+            f"edit {source}",
+        )
     if e["type"] in ("model_type", "model_attributes_type", "dict_type"):
         return Problem(
             name,
