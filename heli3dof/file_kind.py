@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
@@ -68,7 +68,7 @@ def no_file(
     path: Path,
     kind: str = "file",
     error: type[Heli3dofError] = UsageError,
-    names: Iterable[str] = (),
+    names: Collection[str] = (),
 ) -> Heli3dofError:
     """Return the ``error`` for a path at which there is no file of this ``kind``.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -150,7 +150,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def read_toml(
-    path: Path, what: str, error: type[UsageError], names: Iterable[str] = ()
+    path: Path, what: str, error: type[UsageError], names: Collection[str] = ()
 ) -> dict[str, Any]:
     """Return the content of the TOML file ``path`` as nested dicts.
 
