@@ -23,10 +23,6 @@ import difflib
 import re
 import shlex
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 class Heli3dofError(Exception):
@@ -128,22 +124,3 @@ def minus(text: str) -> str:
     'roll −27.5° to +3.1°, front  −.5 V, step-10.mcap, 1e−05'
     """
     return re.sub(r"(?<![\w./-])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text)
-
-
-def no_file(
-    path: Path, kind: str = "file", error: type[Heli3dofError] = UsageError
-) -> Heli3dofError:
-    """Return the ``error`` for a path at which there is no file of this ``kind``.
-
-    It names the file with the most similar name or, without one, the command that lists the folder.
-    """
-    names = []
-    if path.parent.is_dir():
-        names = [p.name for p in path.parent.iterdir() if p.is_file()]
-    if near := difflib.get_close_matches(path.name, names, n=1, cutoff=0.6):
-        other = path.parent / near[0]
-        cause, fix = f"a typing error; did you mean {other}?", f"again with {quoted(other)}"
-    else:
-        cause = "a typing error in the path, or another working directory."
-        fix = f"ls {quoted(path.parent)}"
-    return error(f"There is no {kind} {path}.", cause=cause, fix=fix)

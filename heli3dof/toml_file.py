@@ -8,8 +8,9 @@ messages, prompts, comments in written files and tables of the documentation.
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -18,7 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Validat
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
-from heli3dof.errors import UsageError, did_you_mean, nearest, no_file, quoted
+from heli3dof.errors import UsageError, did_you_mean, nearest, quoted
+from heli3dof.file_kind import no_file, toml_kind, toml_use
 
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -147,16 +149,18 @@ def value_at(data: Any, name: str) -> Any:
 M = TypeVar("M", bound=BaseModel)
 
 
-def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
+def read_toml(
+    path: Path, what: str, error: type[UsageError], names: Collection[str] = ()
+) -> dict[str, Any]:
     """Return the content of the TOML file ``path`` as nested dicts.
 
     Raises an exception of the class ``error`` if the file cannot be read; ``what``, for example
     "profile", is the kind of file that the message names.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise no_file(path, what, error) from None
+        raise no_file(path, what, error, names) from None
     except UnicodeDecodeError:
         raise error(
             f"{path} is not a {what}: it is not a text file in UTF-8.",
@@ -170,11 +174,30 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
             fix=f"ls -l {quoted(path)}",
         ) from problem
     except (tomllib.TOMLDecodeError, RecursionError) as problem:
+        cause, fix = _syntax_advice(path, str(problem))
         raise error(
-            f"The {what} {path} is not valid TOML: {problem}.",
-            cause="a missing quote, bracket or equals sign.",
-            fix=f"edit {path}",
+            f"The {what} {path} is not valid TOML: {problem}.", cause=cause, fix=fix
         ) from problem
+    kind = toml_kind(data)
+    if kind not in (None, what):
+        raise error(
+            f"{path} is a {kind}, not a {what}.",
+            cause="another file was meant.",
+            fix=toml_use(path, kind),
+        )
+    return data
+
+
+def _syntax_advice(path: Path, problem: str) -> tuple[str, str]:
+    """Return likely cause and fix of tomllib's error message ``problem``, which names a line."""
+    if (place := re.search(r"at line (\d+)", problem)) is not None:
+        line = path.read_text(encoding="utf-8-sig").split("\n")[int(place[1]) - 1].strip()
+        if number := re.search(r"=\s*([+-]?\d+),(\d+)", line):
+            return (
+                f"a decimal comma in {line!r}; TOML needs a decimal point.",
+                f"write {number[1]}.{number[2]} in line {place[1]} of {path}",
+            )
+    return "a missing quote, bracket or equals sign.", f"edit {path}"
 
 
 @dataclass(frozen=True)
@@ -227,7 +250,7 @@ def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -
     missing = list[tuple[str, ...]]()
     for e in errors:
         path = tuple(str(part) for part in e["loc"])
-        if e["type"] == "missing":
+        if e["type"] == "missing" and not _is_short_list(e):
             missing.append(path)
         if e["type"] != "extra_forbidden":
             continue
@@ -246,11 +269,17 @@ def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -
     if missing:
         out.append(_missing_keys([n for p in missing for n in _required(model, p)],
                                  *_keys_at(model, missing[0][:-1]), source))  # fmt: skip
-    out += [_wrong_value(e, source) for e in errors if e["type"] not in _KEY_ERRORS]
+    out += [
+        _wrong_value(e, source)
+        for e in errors
+        if e["type"] not in ("extra_forbidden", "missing") or _is_short_list(e)
+    ]
     return out
 
 
-_KEY_ERRORS = ("extra_forbidden", "missing")
+def _is_short_list(e: ErrorDetails) -> bool:
+    """Return True if a value of a list of fixed length is missing, not a key."""
+    return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 
 def _missing_keys(names: list[str], known: list[str], where: str, source: str) -> Problem:
@@ -265,14 +294,33 @@ def _missing_keys(names: list[str], known: list[str], where: str, source: str) -
 
 
 def _wrong_value(e: ErrorDetails, source: str) -> Problem:
-    name = ".".join(str(part) for part in e["loc"])
+    name = ".".join(str(part) for part in (e["loc"][:-1] if _is_short_list(e) else e["loc"]))
     what = e["msg"]
+    shapes = {
+        "missing": "has too few values",
+        "too_long": f"must have {e.get('ctx', {}).get('max_length')} values",
+        "tuple_type": "must be a list of values",
+    }
+    if e["type"] in shapes:
+        return Problem(
+            name,
+            f"{name} = {e['input']!r} {shapes[e['type']]}",
+            "a value was left out or added, or brackets are missing.",
+            f"edit {source}",
+        )
     if e["type"] in ("model_type", "model_attributes_type", "dict_type"):
         return Problem(
             name,
             f"{name or 'the content'} = {e['input']!r} is not a table of keys",
             "a value where a table (in Python a dict) belongs.",
             f"edit {source}",
+        )
+    if e["type"] == "list_type" and isinstance(e["input"], dict):
+        return Problem(
+            name,
+            f"{name} is one table; it must be a list of tables",
+            f"single brackets, [{name}], around the name of a table of a list.",
+            f"write [[{name}]] in {source}",
         )
     if e["type"] != "conflict":
         verb = "is" if e["type"] == "implausible" else "cannot be:"

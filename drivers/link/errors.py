@@ -71,12 +71,18 @@ def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: in
     are the sample period and watchdog timeout of the request in µs; ``name`` is the rig's port or
     URL.
     """
+    if code == Code.FAULT and cause == Cause.BUTTON:
+        return DeviceError(
+            f"{name}: the device does not arm: its button is pressed.",
+            cause="somebody holds the button, or it latches.",
+            fix="release the button, then start again",
+        )
     if code == Code.FAULT:
         reason = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
         return DeviceError(
             f"{name}: the device does not arm: its amplifier reports a fault ({reason}).",
-            cause="overload, heat, a stalled motor or a pressed button.",
-            fix="release the button, let the amplifier cool, switch it off and on",
+            cause="overload, heat or a stalled motor.",
+            fix="let the amplifier cool, switch it off and on",
         )
     if code == Code.BAD_PARAMETER:
         return DeviceError(

@@ -184,8 +184,8 @@ def _holder(path: str) -> Check:
         fix = f"wait until it ends; if it runs no rig: kill {locked[0][0]}"
         return Check(what, f"{named(locked)}: locked", False, fix)
     if opened := holders(path):
-        fix = "end it if it uses the port too; an emulated rig keeps its own end open"
-        return Check(what, f"no lock, but open in {named(opened)}", None, fix)
+        fix = "end this process, unless it is the emulator of this rig"
+        return Check(what, f"{named(opened)}: open, but not locked", None, fix)
     return Check(what, "no visible process", True)
 
 

@@ -9,6 +9,7 @@ and ``pitch_start_deg_std`` contain the standard deviation of an encoder's round
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,7 +23,7 @@ COLUMNS: Mapping[str, str] = {
     "recording": "path or URL as given",
     "name": "the recording's name",
     "rig": "name in the profile",
-    "serial": "serial number of the device",
+    "serial": "serial number of the device; none for an emulated rig whose seed draws only noise",
     "started_utc": "start, ISO 8601 in UTC",
     "source": "flight, simulation or import",
     "plan": "name of the plan",
@@ -51,7 +52,7 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
     """
     about = summary(recording)
     made, timing = about["provenance"], about["timing"] or {}
-    identity, lateness, plan = made.get("identity"), about["lateness"] or {}, about["plan"]
+    lateness, plan = about["lateness"] or {}, about["plan"]
     starts: dict[str, float | None] = {}
     for axis in STARTS:
         i = AXES.index(axis)
@@ -65,7 +66,7 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
         "recording": path,
         "name": about["name"],
         "rig": about["profile"],
-        "serial": identity.get("serial") if isinstance(identity, Mapping) else None,
+        "serial": _serial(made),
         "started_utc": made.get("started_utc"),
         "source": made.get("source"),
         "plan": plan.get("name") if isinstance(plan, Mapping) else plan,
@@ -88,3 +89,14 @@ def _resolved(time_s: float | None) -> float | None:
     (0.0, 2e-05)
     """
     return None if time_s is None else round(time_s, round(-math.log10(RESOLUTION_S)))
+
+
+def _serial(made: Mapping[str, Any]) -> str | None:
+    """Return the serial number in a recording's provenance ``made``, if it identifies a rig.
+
+    The serial number of an emulated rig contains its seed. This is another rig only if the seed
+    draws the rig's parameters (option ``spread``) or an exercise defines them.
+    """
+    identity, device = made.get("identity"), str(made.get("device", ""))
+    noise_only = device.startswith("mock:") and not re.search(r"[?&](spread|exercise)=", device)
+    return None if noise_only or not isinstance(identity, Mapping) else identity.get("serial")

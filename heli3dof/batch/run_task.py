@@ -19,7 +19,8 @@ from heli3dof.batch.condition import holds
 from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
-from heli3dof.errors import Heli3dofError, no_file, quoted
+from heli3dof.errors import Heli3dofError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.json_values import jsonable
 from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
 

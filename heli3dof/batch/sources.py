@@ -22,8 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
-from heli3dof.errors import RecordingError, UsageError, no_file, quoted
+from heli3dof.batch.output_folder import is_output_folder
+from heli3dof.batch.results_table import CSV
+from heli3dof.errors import RecordingError, UsageError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importers import endings
 from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
@@ -140,15 +142,12 @@ def _lines(word: str) -> Iterable[str]:
 def _in_folder(folder: Path) -> Iterator[Path]:
     """Yield the recordings and logs in a folder and its subfolders, except hidden ones.
 
-    In the output folder of a batch, only the subfolder ``recordings`` is searched.
+    The results table of a batch is no log.
     """
-    if is_output_folder(folder):  # its results.csv is no log
-        folder = folder / RECORDINGS
-        if not folder.is_dir():
-            return
     wanted = (".mcap", *endings())
+    table = CSV if is_output_folder(folder) else None
     for path in folder.iterdir():
-        if path.name.startswith("."):
+        if path.name.startswith(".") or path.name == table:
             continue
         if path.is_dir():
             yield from _in_folder(path)

@@ -69,6 +69,7 @@ def _show(out: Output, check: Check) -> None:
     if out.quiet and check.good is False:
         fix = f" Try: {check.fix}" if check.fix else ""
         out.fail(f"{check.what}: {check.found}.{fix}")
-    out.show(f"{LEVELS[check.good]:4}  {check.what}: {check.found}")
+    level = "WARN" if check.good is None and check.fix else LEVELS[check.good]
+    out.show(f"{level:4}  {check.what}: {check.found}")
     if check.fix and check.good is not True:
         out.show(f"      → {check.fix}")

@@ -93,7 +93,7 @@ def submit(
     ] = None,
     confidence: Annotated[
         list[float] | None,
-        typer.Option("--confidence", min=0, max=1, help="Probability that a --cause is right."),
+        typer.Option("--confidence", help="Probability (0 to 1) that a --cause is right."),
     ] = None,
     output: OutputFile = None,
     force: Force = False,

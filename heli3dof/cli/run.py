@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -99,22 +100,24 @@ def fly(
 ) -> None:
     """Fly a plan on a rig, record it, and print progress and a summary.
 
-    ``device``: URL; ``output``: recording file, None for `default_path`; ``dry_run``: only check
-    and print the plan. A flight that did not complete its plan ends the program with the exit code
-    of the flight's error.
+    ``device``: URL; ``output``: recording file, None for a new name from `default_path`;
+    ``dry_run``: only check and print the plan. A flight that did not complete its plan ends the
+    program with the exit code of the flight's error.
     """
     from heli3dof.experiment.control_loop.signal_handling import ignore_signals
-    from heli3dof.recording.atomic_write import check_outputs, new_folder
+    from heli3dof.recording.atomic_write import check_outputs, new_folder, reserved
 
     if dry_run:
         _show_plan(out, plan, profile, device, seed)
         return
+    name = output or default_path(plan.name)
     if output is None:
-        output = default_path(plan.name)
-        new_folder(output.parent)
-    check_outputs(output, force=force)
+        new_folder(name.parent)
+        force = True  # replaces only the empty file that reserves the name
     meta = {"command_line": ["heli3dof", *sys.argv[1:]]}
-    flight = fly_with_progress(out, plan, profile, device, seed, output, force=force, meta=meta)
+    with nullcontext(name) if output else reserved(name) as path:
+        check_outputs(path, force=force)
+        flight = fly_with_progress(out, plan, profile, device, seed, path, force=force, meta=meta)
     ignore_signals()
     _show_flight(out, flight)
     outcome = flight.outcome

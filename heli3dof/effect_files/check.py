@@ -11,7 +11,8 @@ import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from heli3dof.errors import RecordingError, no_file, quoted
+from heli3dof.errors import RecordingError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.model.effects import Effect, Parameter, all_names, effects, plug_ins
 from heli3dof.model.effects.equation_check import ADDED, adds_nothing, equation_mistakes
 from heli3dof.model.parameter_units import NAMED, SUPERSCRIPTS, UNITS, named_unit

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError, no_file
+from heli3dof.errors import RecordingError
+from heli3dof.file_kind import no_file
 from heli3dof.identification.greybox.thrust_scale import scale_of_model
 from heli3dof.model.effects.empirical import PREFIX, factors, unit_of_product
 from heli3dof.model.greybox.model import GreyBoxModel

@@ -210,8 +210,8 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
     NAME is an effect, VALUE the value of its first parameter, VALUE ± HALF the 95 % interval.
     ``confidence`` has one value for each text, one value for all, or none. Raises UsageError for an
-    unknown name, a text of another form or a wrong number of confidences. It also raises UsageError
-    for contradictory texts: two of the same name, or `NONE` with others.
+    unknown name, a text of another form, or a wrong confidence or number of them. It also raises
+    UsageError for contradictory texts: two of the same name, or `NONE` with others.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(
@@ -219,6 +219,13 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
             cause="each --cause needs its own --confidence, or one holds for all.",
             fix="--cause NAME=VALUE±HALF --confidence 0.9 for each cause",
         )
+    for value in confidence:
+        if not 0 <= value <= 1:
+            raise UsageError(
+                f"--confidence {value:g} is not a probability from 0 to 1.",
+                cause="a value in percent." if 1 < value <= 100 else "a typing error.",
+                fix=f"--confidence {value / 100 if 1 < value <= 100 else 0.9:g}",
+            )
     each = [*confidence] if len(confidence) == len(texts) else [*confidence] * len(texts)
     claims = [_statement(text, each[i] if each else None) for i, text in enumerate(texts)]
     names = [claim.name for claim in claims]

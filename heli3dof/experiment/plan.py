@@ -198,19 +198,9 @@ def load_plan(name_or_path: str | Path) -> Plan:
 
     Raises PlanError for an unknown name or a faulty file.
     """
-    text = str(name_or_path)
     known = named_plans()
-    if text in known:
-        path = known[text]
-    elif text.endswith(".toml") or "/" in text or Path(text).exists():
-        path = Path(text)
-    else:
-        raise PlanError(
-            f"There is no plan named {text!r}.",
-            cause=f"a typing error; {did_you_mean(text, known)}",
-            fix=f"a TOML file, or one of: {', '.join(known)}",
-        )
-    return plan_from_dict(read_toml(path, "plan", PlanError), source=str(path))
+    path = known.get(str(name_or_path), Path(name_or_path))
+    return plan_from_dict(read_toml(path, "plan", PlanError, known), source=str(path))
 
 
 def step_plan(

@@ -19,6 +19,7 @@ from heli3dof.fleet.tracks import (
     Track,
     bad_recordings,
     main_plan,
+    named_by_serial,
     quantities_of,
     tracks_of,
 )
@@ -30,6 +31,7 @@ def analyse(rows: Sequence[Row]) -> Fleet:
     `heli3dof.fleet.tracks.read_rows` reads the ``rows`` from a batch's results table. Raises
     RecordingError if no row has a usable estimate.
     """
+    rows = named_by_serial(rows)
     bad = bad_recordings(rows)
     names = quantities_of(rows)
     if not set(names) - set(COLUMNS):

@@ -76,6 +76,22 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     return [row for row in rows if not row.get("replicate")]
 
 
+def named_by_serial(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with the rig ``NAME (SERIAL)`` where a profile's name has several serials.
+
+    The serial number tells rigs apart that share a profile.
+    """
+    serials: dict[str, set[object]] = {}
+    for row in rows:
+        serials.setdefault(rig_of(row), set()).add(row.get("serial") or None)
+    return [
+        {**row, "rig": f"{rig_of(row)} ({row['serial']})"}
+        if row.get("serial") and len(serials[rig_of(row)] - {None}) > 1
+        else row
+        for row in rows
+    ]
+
+
 def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:
     """Return the recordings that are not used, each with the reason."""
     return tuple(

@@ -25,7 +25,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, quoted
-from heli3dof.identification.row_selection import REASONS, clipped, runs_of, unusable
+from heli3dof.identification.row_selection import REASONS, TAKE_OFF_S, clipped, runs_of, unusable
 from heli3dof.model.estimation.filter_data import LOST, RowRange
 from heli3dof.recording.gap_filling import fill_gaps
 from heli3dof.recording.logs.log_validation import (
@@ -39,6 +39,17 @@ MIN_SAMPLES = 3
 """Smallest number of samples for which the scatter of the sample interval can be computed"""
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
+LEFT_OUT = {
+    "unread": "without a reading",
+    "table": "on the table",
+    "take_off": f"of the climb (at least {TAKE_OFF_S:g} s after lift-off)",
+    "stop": "at a stop",
+    "motors_off": "with the motors off",
+    "falling": "of falling",
+    "ramp_down": "of the ramp to zero",
+    "other": f"held out for validation, or in pieces shorter than {SEGMENT_MIN_S:g} s",
+}
+"""Reason of `row_selection` → the rows that it leaves out, in words"""
 HELD_OUT_SHARE = 0.25
 
 
@@ -173,7 +184,7 @@ def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = 
             f"validated on the last {100 * HELD_OUT_SHARE:.0f} % of each recording, "
             "which is held-out data; a separate recording would be a stricter test"
         )
-    _check_length(train, dt, recordings)
+    _check_length(train, dt, reports[:n])
     return Prepared(everything, tuple(train), tuple(test), tuple(reports), dt, split)
 
 
@@ -278,13 +289,17 @@ def _split(runs: list[RowRange]) -> tuple[list[RowRange], list[RowRange]]:
     return train, test
 
 
-def _check_length(train: Sequence[RowRange], dt: float, recordings: Sequence[Recording]) -> None:
+def _check_length(train: Sequence[RowRange], dt: float, reports: Sequence[RecordingReport]) -> None:
     seconds = sum(r.stop - r.start for r in train) * dt
     if seconds < USABLE_MIN_S:
-        names = ", ".join(r.name for r in recordings)
+        total = sum(r.seconds for r in reports)
+        left_out = {k: sum(r.left_out[k] * r.seconds for r in reports) for k in REASONS}
+        left_out["other"] = total - seconds - sum(left_out.values())
+        parts = [f"{s:.1f} s {LEFT_OUT[k]}" for k, s in left_out.items() if s >= 0.05]
         raise RecordingError(
-            f"{names}: only {seconds:.1f} s in flight are usable, "
-            f"the minimum is {USABLE_MIN_S:.0f} s.",
-            cause="the flight was short, stayed on the table, or rested on a stop.",
-            fix="heli3dof info on the recording; then heli3dof run multisine",
+            f"{', '.join(r.name for r in reports)}: only {seconds:.1f} s of {total:.1f} s are "
+            f"usable to fit a model, the minimum is {USABLE_MIN_S:.0f} s.",
+            cause="the flight is too short"
+            + (f"; left out are {', '.join(parts)}." if parts else "."),
+            fix="heli3dof run multisine; or fly longer after the climb",
         )

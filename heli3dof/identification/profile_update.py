@@ -31,7 +31,8 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError, UsageError, no_file, quoted
+from heli3dof.errors import RecordingError, UsageError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.identification.greybox.thrust_scale import (
     BASE,
     TORQUE_UNITS,

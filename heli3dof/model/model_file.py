@@ -12,7 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import RecordingError, UsageError, did_you_mean, no_file, quoted
+from heli3dof.errors import RecordingError, UsageError, did_you_mean, quoted
+from heli3dof.file_kind import model_files, no_file
 from heli3dof.json_values import jsonable
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import check_ending, write_file
@@ -53,14 +54,16 @@ def read_model(path: str | Path) -> Model:
                 "it was written by another version of heli3dof.",
                 "pip install --upgrade heli3dof, or heli3dof identify again",
             )
+        models = " ".join(map(quoted, model_files(data)))
         raise _unusable(
             path,
             "is not a model file: its 'schema' is "
             + (f"{schema!r}" if schema is not None else "missing")
             + f", not {SCHEMA!r}",
             "it is another JSON document, for instance the output of --json.",
-            "give the .json that heli3dof identify wrote",
-        )
+            f"give its model file: {models}" if models
+            else "give the .json that heli3dof identify wrote",
+        )  # fmt: skip
     form = data.get("form")
     if form not in list(FORMS):  # it may be unhashable
         raise _unusable(

@@ -6,7 +6,8 @@ import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.errors import UsageError
+from heli3dof.file_kind import no_file
 from heli3dof.model.base import Model
 from heli3dof.model.model_file import read_model
 from heli3dof.rig.profile import Profile, default_profile
@@ -53,9 +54,5 @@ def load_model(name_or_path: str | Path, profile: Profile | None = None) -> Mode
         return BUILT_IN[text](default_profile() if profile is None else profile)
     path = Path(name_or_path)
     if not path.exists() and path.suffix == "" and len(path.parts) == 1:
-        raise UsageError(
-            f"There is no model {text!r}.",
-            cause=f"a typing error; {did_you_mean(text, BUILT_IN)}",
-            fix=f"--model with one of {', '.join(BUILT_IN)}, or the path of a model file (.json)",
-        )
+        raise no_file(path, "model file", UsageError, BUILT_IN)
     return read_model(path)

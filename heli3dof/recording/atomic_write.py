@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
 import os
 import re
 import threading
@@ -179,11 +180,34 @@ def default_output(path: Path, *, force: bool, data: bytes | None = None) -> Pat
 
 def unused(path: Path, data: bytes | None = None) -> Path:
     """Return the first of ``a.json``, ``a-2.json``, … that does not exist or contains ``data``."""
-    k, free = 1, path
-    while free.exists() and not (data is not None and free.is_file() and free.read_bytes() == data):
-        k += 1
-        free = path.with_name(f"{path.stem}-{k}{path.suffix}")
-    return free
+    return next(
+        p for p in _numbered(path)
+        if not p.exists() or (data is not None and p.is_file() and p.read_bytes() == data)
+    )  # fmt: skip
+
+
+@contextlib.contextmanager
+def reserved(path: Path) -> Iterator[Path]:
+    """Context manager: create the first of ``a.mcap``, ``a-2.mcap``, … that does not exist.
+
+    Of several processes with the same ``path``, each gets its own name. The file is removed if it
+    is still empty at the end.
+    """
+    for free in _numbered(path):
+        with contextlib.suppress(FileExistsError):
+            free.open("xb").close()
+            break
+    try:
+        yield free
+    finally:
+        if not free.stat().st_size:
+            free.unlink()
+
+
+def _numbered(path: Path) -> Iterator[Path]:
+    """Yield ``a.json``, ``a-2.json``, ``a-3.json``, …"""
+    yield path
+    yield from (path.with_name(f"{path.stem}-{k}{path.suffix}") for k in itertools.count(2))
 
 
 def mode(path: Path, *, force: bool) -> str:

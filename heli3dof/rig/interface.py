@@ -118,7 +118,7 @@ class Check:
     found: str
     """The result, with its numbers"""
     good: bool | None
-    """True: in order; False: run ``fix``; None: not known"""
+    """True: in order; False: run ``fix``; None: not known, or a warning with a ``fix``"""
     fix: str = ""
     """The command to run or the thing to do; empty where there is nothing to do"""
 

@@ -321,11 +321,23 @@ class ControllerSpec(Section):
     ] = 20.0
     derivative_damping: Annotated[Positive, Key("damping ratio ζ of that filter", "–")] = 0.9
 
-    @field_validator("K")
+    @field_validator("K", mode="before")
     @classmethod
-    def _two_by_eight(cls, value: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-        if any(len(row) != 8 for row in value):
-            raise ValueError("K is 2 rows of 8 gains: r p ψ ṙ ṗ ψ̇ ∫r ∫ψ")
+    def _two_by_eight(cls, value: Any) -> Any:
+        rows = value if isinstance(value, list | tuple) else []
+        lengths = [len(row) if isinstance(row, list | tuple) else 0 for row in rows]
+        if lengths != [8, 8]:
+            found = "no matrix" if not any(lengths) else f"{len(rows)} × {lengths[0]}"
+            if len(set(lengths)) > 1:
+                found = f"rows of {', '.join(map(str, lengths))} numbers"
+            raise PydanticCustomError(
+                "conflict",
+                "controller.K is {found}; it must be 2 × 8: rows front and back motor, "
+                "columns r p ψ ṙ ṗ ψ̇ ∫r ∫ψ",
+                {"found": found,
+                 "slip": "rows and columns are exchanged." if lengths == [2] * 8
+                 else "the gain of another controller, or numbers are missing."},
+            )  # fmt: skip
         return value
 
     @property

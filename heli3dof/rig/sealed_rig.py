@@ -22,7 +22,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from heli3dof.errors import RecordingError, UsageError, no_file, quoted
+from heli3dof.errors import RecordingError, UsageError, quoted
+from heli3dof.file_kind import no_file
 
 FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
 SEALED_SIZE = 1024

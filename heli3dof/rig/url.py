@@ -54,10 +54,12 @@ def parse_url(text: str) -> DeviceUrl:
     """
     scheme, colon, rest = text.partition(":")
     if not colon or not scheme:
+        is_port = re.fullmatch(r"COM\d+|/dev/.+", text, re.IGNORECASE)
+        known = "--device mock: or --device serial:///dev/ttyACM0; heli3dof devices lists them"
         raise UsageError(
             f"{text!r} is not a device URL.",
             cause="the scheme is missing; a device URL is SCHEME:PLACE.",
-            fix="--device mock: or --device serial:///dev/ttyACM0; heli3dof devices lists them",
+            fix=f"--device serial://{text}" if is_port else known,
         )
     where, mark, query = rest.partition("?")
     if "=" in where and not mark and "/" not in where:

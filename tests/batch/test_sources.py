@@ -43,11 +43,11 @@ def test_a_recording_that_is_named_twice_counts_once(term: Path) -> None:
     assert names([f"{term}/b.mcap", str(term)]) == ["b.mcap", "a.mcap", "c.csv"]
 
 
-def test_of_an_earlier_batch_only_its_recordings_count(term: Path) -> None:
-    for name in ("journal.jsonl", "results.csv", "recordings/flown.mcap"):
+def test_of_an_earlier_batch_all_recordings_count_but_not_its_table(term: Path) -> None:
+    for name in ("journal.jsonl", "results.csv", "recordings/flown.mcap", "added.mcap"):
         (term / "out" / name).parent.mkdir(parents=True, exist_ok=True)
         (term / "out" / name).touch()
-    assert names([str(term / "out")]) == ["flown.mcap"]
+    assert names([str(term / "out")]) == ["added.mcap", "flown.mcap"]
 
 
 @pytest.mark.parametrize("word", ["empty", "none*.mcap", "missing.txt"])

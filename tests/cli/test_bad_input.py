@@ -296,7 +296,7 @@ def test_names_with_spaces_are_quoted_in_commands(
     whole = recording(Path("rig 1/whole.mcap"))
     Path("rig 1/torn.mcap").write_bytes(whole.read_bytes()[:-100])
     Path("rig 1/log.csv").write_text(log(n=10), encoding="utf-8")
-    Path("rig 1/m.json").write_text("{}", encoding="utf-8")
+    Path("rig 1/m.json").write_text('{"schema": "heli3dof.model/1"}', encoding="utf-8")
     assert fix in heli3dof(*words, "--json").document["fix"]
 
 

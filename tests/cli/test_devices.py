@@ -112,6 +112,17 @@ def test_doctor_passes_the_emulated_rig() -> None:
 
 
 @pytest.mark.usefixtures("sound")
+def test_doctor_warns_of_a_busy_computer_and_passes(
+    fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host, "CHECKS", (host.load,))
+    monkeypatch.setattr(host.os, "getloadavg", lambda: (99.0, 0.0, 0.0))
+    result = heli3dof("doctor")
+    assert "WARN  other work: 99.0 programs" in result.out
+    assert result.code == 0
+
+
+@pytest.mark.usefixtures("sound")
 def test_doctor_prints_how_to_correct_a_failure_and_exits_with_6(fake: FakeDriver) -> None:
     fake.checks = [Check("latency timer", "16 ms", False, "echo 1 | sudo tee /sys/x")]
     result = heli3dof("doctor")

@@ -44,6 +44,19 @@ def test_run_step_records_and_prints_a_summary(tmp_path: Path) -> None:
     assert recording.profile.controller_is_known
 
 
+def test_flights_of_the_same_second_get_different_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("heli3dof.cli.run.default_path", lambda name: Path("flights/now.mcap"))
+    words = ("run-step", "--roll", "5", *QUICK, "--device", LEVEL)
+    assert [heli3dof(*words).code, heli3dof(*words).code] == [0, 0]
+    assert read_recording(Path("flights/now-2.mcap")).meta["name"] == "now-2"
+    assert len(list(Path("flights").iterdir())) == 2
+    assert heli3dof(*words[:-1], "mock:?nonsense=1").code == 2
+    assert len(list(Path("flights").iterdir())) == 2, "a flight that did not start leaves no file"
+
+
 def test_the_summary_has_no_colour_without_a_terminal(tmp_path: Path) -> None:
     result = heli3dof(
         "run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap"

@@ -111,6 +111,13 @@ def test_contradictory_statements_are_an_error(texts: list[str], what: str) -> N
         statements(texts, [])
 
 
+@pytest.mark.parametrize(("value", "fix"), [(90, "--confidence 0.9"), (-1, "--confidence 0.9")])
+def test_a_confidence_in_percent_is_named(value: float, fix: str) -> None:
+    with pytest.raises(UsageError, match="is not a probability from 0 to 1") as caught:
+        statements(["none"], [value])
+    assert caught.value.fix == fix
+
+
 def test_the_number_of_confidences_must_match() -> None:
     with pytest.raises(UsageError, match="confidences: 2; of causes: 1"):
         statements(["none"], [0.1, 0.2])

@@ -107,6 +107,9 @@ def test_the_same_seed_renders_the_same_plan_and_starts_quietly(seed: int) -> No
         (plan_of({"kind": "step", "duration_s": 1, "roll_deg": "ten"}), ["roll_deg", "ten"]),
         (plan_of({"kind": "hold", "duration_s": 1, "band_Hz": 3}), ["band_Hz"]),
         (plan_of({"kind": "multisine", "duration_s": 1, "band_Hz": [2, 1]}), ["rising"]),
+        (plan_of({"kind": "multisine", "duration_s": 5, "band_Hz": [1, 2, 3]}), ["have 2 values"]),
+        (plan_of({"kind": "multisine", "duration_s": 5, "band_Hz": [1]}), ["= [1] has too few"]),
+        (plan_of({"kind": "multisine", "duration_s": 5, "band_Hz": 3}), ["= 3 must be a list"]),
     ],
 )
 def test_the_error_names_a_wrong_key(data: dict, parts: list) -> None:
@@ -114,6 +117,13 @@ def test_the_error_names_a_wrong_key(data: dict, parts: list) -> None:
         plan_from_dict(data, source="my.toml")
     for part in [*parts, "my.toml"]:
         assert part in str(caught.value)
+
+
+def test_a_segment_in_single_brackets_is_explained() -> None:
+    with pytest.raises(PlanError) as caught:
+        plan_from_dict({"name": "x", "segment": {"kind": "hold", "duration_s": 1}})
+    assert "segment is one table; it must be a list of tables" in caught.value.what
+    assert caught.value.fix == "write [[segment]] in plan"
 
 
 def test_the_error_for_a_misspelt_name_suggests_the_nearest_plan() -> None:

@@ -182,3 +182,12 @@ def test_a_change_by_another_factor_remains_a_change_of_its_own() -> None:
     assert {(g.track.quantity, g.moved) for g in groups} == {
         ("thrust_gain_ratio", ("T_g",)), ("J_roll", ()),
     }  # fmt: skip
+
+
+def test_a_difference_between_rigs_with_the_same_profile_is_no_change() -> None:
+    rows = [row for row in term_rows() if row["rig"] == STEP[0]]
+    assert analyse(rows).to_dict()["steps"]
+    rows = [{**row, "serial": "S1" if k < STEP[2] else "S2"} for k, row in enumerate(rows)]
+    fleet = analyse(rows)
+    assert not fleet.to_dict()["steps"]
+    assert fleet.rigs == ("rig-02 (S1)", "rig-02 (S2)")

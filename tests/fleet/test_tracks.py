@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.fleet.tracks import bad_recordings, main_plan, quantities_of, read_rows, tracks_of
+from heli3dof.fleet.tracks import (
+    bad_recordings,
+    main_plan,
+    named_by_serial,
+    quantities_of,
+    read_rows,
+    tracks_of,
+)
 
 
 def row(name: str, **values: Any) -> dict[str, Any]:
@@ -130,3 +137,10 @@ def test_flights_without_distinct_starts_are_in_order_of_their_names(start) -> N
 def test_tracks_of_each_rig_in_order_of_the_names() -> None:
     rows = [row("a", rig="r2"), row("b", rig="r1"), row("c", rig=None)]
     assert [t.rig for t in tracks_of(rows, ["g"])] == ["r1", "r2", "–"]
+
+
+def test_serial_numbers_tell_rigs_with_the_same_profile_apart() -> None:
+    rows = [row("x", serial="S1"), row("y", serial="S2"), row("z"), row("b", rig="b", serial="S3")]
+    named = named_by_serial(rows)
+    assert [r["rig"] for r in named] == ["a (S1)", "a (S2)", "a", "b"]
+    assert named_by_serial(rows[:1]) == rows[:1]

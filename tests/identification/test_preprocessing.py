@@ -117,11 +117,19 @@ def test_a_nan_is_left_out_and_counted() -> None:
     assert all(not (r.start <= 5000 < r.stop) for r in (*p.train, *p.held_out))
 
 
+def test_a_short_flight_states_which_seconds_are_left_out() -> None:
+    rec = flying(2000)
+    rec.angle[:500, 0] = np.radians(-27.5)  # 1 s on the table, then 3 s of the climb
+    with pytest.raises(RecordingError) as caught:
+        prepare([rec])
+    assert "1.0 s on the table, 3.0 s of the climb (at least 3 s after" in caught.value.cause
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (lambda r: r.rows(slice(0, 2)), "has only 2 samples; at least 3 are needed"),
-        (lambda r: r.rows(slice(0, 1000)), "only 1.5 s in flight"),
+        (lambda r: r.rows(slice(0, 1000)), "only 1.5 s of 2.0 s are usable"),
         (
             lambda r: _set(r, "angle", np.s_[:, 1:], np.nan),
             "not usable alone: it holds roll, but not pitch",

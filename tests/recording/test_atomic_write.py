@@ -11,7 +11,14 @@ import pytest
 
 import heli3dof as h3
 from heli3dof.errors import NoSpace, OutputExists, UsageError
-from heli3dof.recording.atomic_write import check_ending, file_name, new_file, stem, unused
+from heli3dof.recording.atomic_write import (
+    check_ending,
+    file_name,
+    new_file,
+    reserved,
+    stem,
+    unused,
+)
 
 
 @pytest.mark.parametrize(
@@ -112,3 +119,11 @@ def test_a_recording_or_model_is_not_written_under_another_formats_ending(tmp_pa
 @pytest.mark.parametrize("name", ["a.mcap", "a.MCAP", "a", "step-1.5V", "/dev/stdout"])
 def test_any_other_name_is_permitted(name: str) -> None:
     check_ending(Path(name), ".mcap")
+
+
+def test_a_reserved_name_is_free_for_each_and_removed_if_empty(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with reserved(path) as first, reserved(path) as second, reserved(path) as third:
+        assert [p.name for p in (first, second, third)] == ["a.mcap", "a-2.mcap", "a-3.mcap"]
+        second.write_bytes(b"flight")
+    assert [p.name for p in tmp_path.iterdir()] == ["a-2.mcap"]

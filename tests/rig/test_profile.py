@@ -126,9 +126,30 @@ def test_inertias_follow_from_the_masses_unless_given() -> None:
     assert profile_from_dict(measured.to_dict()) == measured
 
 
-def test_gains_of_the_wrong_shape_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ProfileError, match="2 rows of 8"):
-        load_profile(write(tmp_path, GOOD + "[controller]\nK = [[1.0, 2.0], [3.0, 4.0]]\n"))
+@pytest.mark.parametrize(
+    ("gain", "what", "cause"),
+    [
+        ([[1.0] * 3] * 2, "controller.K is 2 × 3; it must be 2 × 8", "another controller"),
+        ([[1.0] * 2] * 8, "controller.K is 8 × 2; it must be 2 × 8", "exchanged"),
+        ([[1.0] * 8, [1.0] * 7], "controller.K is rows of 8, 7", "numbers are missing"),
+        ([1.0] * 16, "controller.K is no matrix", "another controller"),
+    ],
+)
+def test_a_gain_of_the_wrong_shape_is_refused_with_its_shape(
+    gain: list, what: str, cause: str
+) -> None:
+    with pytest.raises(ProfileError) as caught:
+        profile_from_dict({**TABLE_I, "controller": {"K": gain}})
+    assert what in caught.value.what
+    assert cause in caught.value.cause
+
+
+def test_a_decimal_comma_is_named_with_its_line(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD.replace("L_a = 0.6604", "L_a = 0,6604"))
+    with pytest.raises(ProfileError) as caught:
+        load_profile(path)
+    assert "decimal comma in 'L_a = 0,6604'" in caught.value.cause
+    assert "write 0.6604 in line 4" in caught.value.fix
 
 
 def test_a_profile_that_does_not_exist_is_named(tmp_path: Path) -> None:

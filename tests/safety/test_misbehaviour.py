@@ -6,7 +6,7 @@ import random
 
 import pytest
 from heli3dof_drivers.link.errors import not_arming
-from heli3dof_drivers.link.frames import Code
+from heli3dof_drivers.link.frames import Cause, Code
 
 from tests.safety import misbehaviour
 from tests.safety.misbehaviour import (
@@ -72,6 +72,13 @@ def test_without_faults_the_flight_completes(monkeypatch: pytest.MonkeyPatch) ->
 def test_the_line_changes_frames_only_during_a_fault() -> None:
     line = FaultyLine(random.Random(1), [Fault("is silent", 1e6, 1.0)], 1)
     assert line._to_host(b"\x01\x02\0") == b"\x01\x02\0"
+
+
+def test_the_advice_for_a_held_button_is_to_release_it() -> None:
+    error = not_arming("rig", Code.FAULT, Cause.BUTTON, 2000, 100_000)
+    assert "its button is pressed" in error.what
+    assert error.fix.startswith("release the button")
+    assert "button" not in str(not_arming("rig", Code.FAULT, Cause.STALL, 2000, 100_000))
 
 
 def test_the_message_names_a_code_that_the_protocol_does_not_have() -> None:

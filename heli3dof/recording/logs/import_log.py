@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import Heli3dofError, RecordingError, UsageError, no_file, quoted
+from heli3dof.errors import Heli3dofError, RecordingError, UsageError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.plugins import must_be
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.column_mapping import mapped

@@ -25,7 +25,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from heli3dof.errors import RecordingError, no_file, quoted
+from heli3dof.errors import RecordingError, quoted
+from heli3dof.file_kind import no_file
 from heli3dof.recording.mcap_files.chunk_index import CODEC
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.mcap_files.schema import (

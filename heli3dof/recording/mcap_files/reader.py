@@ -15,6 +15,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from heli3dof.errors import ProfileError, RecordingError, quoted
+from heli3dof.file_kind import other_file
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
@@ -34,12 +35,6 @@ from heli3dof.recording.recording import Recording, output_voltage
 from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
 from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
-
-OTHER_FILES = {
-    ".json": ("a model file", "heli3dof compare REC... {}, to compare a model"),
-    ".toml": ("a profile or a plan", "--profile {0}, or heli3dof run {0}"),
-}
-"""Ending of a file that is no recording → what it is, and the command that uses it"""
 
 
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
@@ -88,10 +83,9 @@ def open_mcap(path: Path) -> Scan:
         kind = what_is(data)
         ending = ".csv" if "CSV" in kind else ".mat" if "MAT" in kind else ""
         named = path.with_suffix(ending) if ending else path
-        if path.suffix in OTHER_FILES:
-            kind, use = OTHER_FILES[path.suffix]
+        if (other := other_file(path)) is not None:
+            kind, fix = other
             cause = "another kind of file was given in place of a recording."
-            fix = use.format(quoted(path))
         elif ending:
             cause = "a log that was not imported yet."
             fix = f"mv {quoted(path)} {quoted(named)}; " if named != path else ""

@@ -79,14 +79,18 @@ def frequency(profile: Profile) -> Check:
 
 
 def load(profile: Profile) -> Check:
-    """Return a `Check` that the load average leaves at least half a processor core free."""
+    """Return a `Check` that the load average leaves at least half a processor core free.
+
+    If not, the result is undecided: `wake_up` measures whether the control loop is late.
+    ``profile`` is not used.
+    """
     what = "other work"
     if not hasattr(os, "getloadavg"):
         return Check(what, "this system does not report it", None)
     busy, cores = os.getloadavg()[0], os.cpu_count() or 1
     found = f"{busy:.1f} programs ready to run, on {cores} cores"
     fix = "top shows them; end what the flight does not need"
-    return verdict(what, found, busy <= cores - 0.5, fix)
+    return Check(what, found, True) if busy <= cores - 0.5 else Check(what, found, None, fix)
 
 
 def memory(profile: Profile) -> Check:

@@ -67,11 +67,13 @@ def test_full_speed_and_no_governor_are_good(system):
     assert host.frequency(PROFILE).good is True
 
 
-@pytest.mark.parametrize(("busy", "good"), [(0.3, True), (3.4, True), (4.0, False), (20.0, False)])
+@pytest.mark.parametrize(("busy", "good"), [(0.3, True), (3.4, True), (4.0, None), (20.0, None)])
 def test_load_is_compared_with_the_number_of_cores(monkeypatch, busy, good):
     monkeypatch.setattr(host.os, "getloadavg", lambda: (busy, 0.0, 0.0))
     monkeypatch.setattr(host.os, "cpu_count", lambda: 4)
-    assert host.load(PROFILE).good is good
+    check = host.load(PROFILE)
+    assert check.good is good
+    assert bool(check.fix) is (good is None)
 
 
 def test_rare_late_wake_ups_are_reported(monkeypatch):
