@@ -52,6 +52,15 @@ def import_log(
         ),
     ] = None,
     columns: Columns = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            metavar="HZ",
+            min=1.0,
+            help="Keep the rows at this rate; voltages are averaged. It becomes loop.rate_hz.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
@@ -77,7 +86,7 @@ def import_log(
         )
     if there:
         check_outputs(output, force=force, inputs=logs)
-    log = read_log(logs, rig_profile(profile), columns, given)
+    log = read_log(logs, rig_profile(profile), columns, given, rate)
     found = preview(log.table)
     out.show(*_lines(found))
     if given and output is None:

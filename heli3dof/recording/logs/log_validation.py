@@ -13,6 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.logs.held_angles import (
+    HELD_CAUSE,
+    held_axes,
+    held_clause,
+    held_fix,
+)
 from heli3dof.recording.logs.known_names import as_options
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
@@ -164,14 +170,20 @@ def check_sampling_times(
     return warnings
 
 
-def hidden_jitter_warnings(
+def hidden_timing_warnings(
     t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray
 ) -> list[str]:
-    """Return a warning if the angles (N, 3) rad show sampling jitter that ``t`` (N,) s does not.
+    """Return a warning if the angles (N, 3) rad show a timing fault that ``t`` (N,) s does not.
 
-    The method is in `heli3dof.recording.logs.sampling_jitter`. ``rad_per_count`` (3,): the
-    encoders' steps.
+    The faults are angles that are held for several rows (`held_angles`), and otherwise sampling
+    jitter (`sampling_jitter`). ``rad_per_count`` (3,): the encoders' steps.
     """
+    if held := held_axes(angle, rad_per_count):
+        rate_hz = 1 / float(np.median(np.diff(t)))
+        return [
+            f"Held angles: {held_clause(held, rate_hz)}. Likely cause: {HELD_CAUSE} Try: "
+            f"{held_fix(held, rate_hz)}"
+        ]
     found = motion_jitter(t, angle, rad_per_count)
     if not found.is_significant:
         return []
