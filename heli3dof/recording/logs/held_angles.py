@@ -9,8 +9,9 @@ rows from one change of its count to the next:
 * Held for m rows, the count changes by about c m. Changes of two counts or more need c m > 1, and
   are m rows apart: g = m.
 
-So m is the typical g between two successive changes of two counts or more in the same direction.
-Slow or still axes change by single counts and are not tested. A count is the smallest change of the
+So m is the typical g between two successive changes of two counts or more in the same direction,
+and no change, however small, follows another much earlier. Slow or still axes change by single
+counts and are not tested. A count is the smallest change of the
 logged angle, and at least the encoder's step, because a log may print fewer digits.
 
 The host's lateness also delays some changes, but its g scatter.
@@ -32,7 +33,7 @@ logs of three rigs have g = 1, or at most three pairs."""
 NEAR = 0.2
 """Of held angles, g is within this share of m, and at least within one row of it"""
 REGULAR = 0.9
-"""Least share of pairs with such a g"""
+"""Least share of pairs with such a g, and of all changes with a g above m/2"""
 HELD_CAUSE = "the program logs faster than it reads the encoders, and repeats each reading."
 
 
@@ -48,12 +49,13 @@ def rows_held(angle: np.ndarray, step: float) -> float:
     counts = change[rows] / max(abs(step), np.abs(change[rows]).min())
     fast = np.abs(counts) > FAST
     pairs = fast[1:] & fast[:-1] & (counts[1:] * counts[:-1] > 0)
-    g = np.diff(rows)[pairs]
+    spacing = np.diff(rows)
+    g = spacing[pairs]
     if len(g) < LEAST:
         return 1.0
     m = float(np.median(g))
     regular = np.abs(g - m) <= max(1.0, NEAR * m)
-    if m < 2 or regular.mean() < REGULAR:
+    if m < 2 or min(regular.mean(), (spacing > m / 2).mean()) < REGULAR:
         return 1.0
     return float(g[regular].mean())
 
