@@ -23,10 +23,7 @@ import difflib
 import re
 import shlex
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
 
 
 class Heli3dofError(Exception):
@@ -135,13 +132,16 @@ def no_file(
 ) -> Heli3dofError:
     """Return the ``error`` for a path at which there is no file of this ``kind``.
 
-    It names the file with the most similar name or, without one, the command that lists the folder.
+    It names the file with the most similar name, whose ending does not count, or else the command
+    that lists the folder.
     """
-    names = []
+    names: dict[str, list[str]] = {}
     if path.parent.is_dir():
-        names = [p.name for p in path.parent.iterdir() if p.is_file()]
-    if near := difflib.get_close_matches(path.name, names, n=1, cutoff=0.6):
-        other = path.parent / near[0]
+        for file in filter(Path.is_file, path.parent.iterdir()):
+            names.setdefault(file.name.partition(".")[0], []).append(file.name)
+    if near := difflib.get_close_matches(path.name.partition(".")[0], names, n=1, cutoff=0.6):
+        alike = difflib.get_close_matches(path.name, names[near[0]], n=1, cutoff=0.0)
+        other = path.parent / alike[0]
         cause, fix = f"a typing error; did you mean {other}?", f"again with {quoted(other)}"
     else:
         cause = "a typing error in the path, or another working directory."
