@@ -202,6 +202,8 @@ def _not_importable(path: Path) -> RecordingError:
         )
     return RecordingError(
         f"{path} is not a log that can be imported; it is {what_is(data)}.",
-        cause=f"its name does not end in {', '.join(endings())}.",
-        fix="give it the ending of its format, or export the log as CSV",
+        cause=f"{path.suffix or 'a name without ending'} is not among the formats that can be "
+        f"read: {', '.join(sorted(endings()))}.",
+        fix="write the log as CSV with a header line; if it has one of these formats, correct the "
+        "ending of its name",
     )
