@@ -84,12 +84,17 @@ def join(tables: Sequence[Table]) -> Table:
         keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
         is_faster = len(keep) > 1 and float(np.median(np.diff(keep))) > 1
         if len(keep) < n and "t_s" in table.columns:
-            warnings.append(
+            text = (
                 f"{_signals(table)}: {n - len(keep)} of {n} samples were left out, because other "
                 "signals have none at these times."
-                + f" The other rows are kept, {MEANS}"
-                * is_faster
             )
+            if is_faster:
+                kept_hz = 1 / float(np.median(np.diff(table.columns["t_s"][keep])))
+                text += (
+                    f" The other rows are kept, {MEANS} If the profile has another loop.rate_hz, "
+                    f"add --rate {kept_hz:.4g}."
+                )
+            warnings.append(text)
         for name, values in table.columns.items():
             is_clock = name in ("t_s", table.origins.get("t_s"))
             if is_clock and table is not first:

@@ -67,6 +67,7 @@ def test_the_voltages_of_a_faster_file_are_averaged_whatever_their_names() -> No
     angle = Table("a.csv", {"t_s": k[:10] / 100, "roll_deg": k[:10]}, str)
     joined = join([volts, angle])
     assert "The other rows are kept, with the mean of each voltage" in joined.warnings[0]
+    assert joined.warnings[0].endswith("If the profile has another loop.rate_hz, add --rate 100.")
     table = with_mean_voltages(mapped(joined, {"v_front_V": "2*u", "pitch_deg": "u"}, {}))
     np.testing.assert_array_equal(table.columns["v_front_V"], 2 * (10 * k[:10] + 4.5))
     np.testing.assert_array_equal(table.columns["v_back_V"], -(10 * k[:10] + 4.5))
