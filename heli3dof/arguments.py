@@ -14,7 +14,7 @@ parameter                   argument
 ``models``                  one or several of these; or a function: recording → models
 ``seed``                    a whole number ≥ 0
 ``horizons_s, intervals_s`` positive numbers
-``dt``                      a positive number
+``dt``, ``rate_hz``         a positive number
 ``target_deg, angles_deg``  three angles, of roll, pitch and yaw
 ==========================  ==================================================================
 """
@@ -181,7 +181,7 @@ def _positive(name: str, value: Any, given: Given) -> Any:
         raise UsageError(
             f"{name} is {value}; it must be positive.",
             cause="a wrong sign, or text where a number belongs.",
-            fix=f"{name} in seconds, above 0",
+            fix=f"{name} in {'Hz' if name.endswith('_hz') else 'seconds'}, above 0",
         )
     return value
 
@@ -219,6 +219,7 @@ CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
     "horizons_s": _positives,
     "intervals_s": _positives,
     "dt": _positive,
+    "rate_hz": _positive,
     "target_deg": _three_angles,
     "angles_deg": _three_angles,
 }

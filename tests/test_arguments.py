@@ -82,6 +82,7 @@ def test_a_model_by_name_is_of_each_recordings_rig(flown: h3.Recording) -> None:
         (lambda r: h3.compare([r], [HOVER], horizons_s=[-1]), "horizons_s is"),
         (lambda r: h3.identify(r, method="pem", intervals_s=(-0.04,)), "intervals_s is"),
         (lambda r: h3.hover_model(h3.default_profile(), dt=0), "dt is 0"),
+        (lambda r: h3.import_log("a.csv", None, rate_hz=0), "rate_hz is 0"),
         (lambda r: h3.step_plan(roll=10, settle_s=-1), "duration_s = -1.0"),
         (lambda r: h3.step_plan(10), "target_deg is 10"),
         (lambda r: h3.step_plan((10, 5)), "target_deg is .* three angles"),

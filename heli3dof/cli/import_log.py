@@ -1,4 +1,4 @@
-"""``heli3dof import``: converts CSV and MAT logs to a recording."""
+"""``heli3dof import``: converts another program's log to a recording."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def import_log(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="A .csv, .csv.gz, .mat or .mcap log, or a format of an installed package.",
+            help="A .csv, .mat, .npz, .parquet or .mcap log, or a format of an installed package.",
         ),
     ],
     profile: LogProfile = None,
@@ -52,9 +52,18 @@ def import_log(
         ),
     ] = None,
     columns: Columns = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            metavar="HZ",
+            min=1.0,
+            help="Keep the rows at this rate; voltages are averaged. It becomes loop.rate_hz.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
-    """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
+    """Convert another program's log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
     from heli3dof.cli.inputs import name_files
     from heli3dof.errors import RecordingError, UsageError, quoted
@@ -77,7 +86,7 @@ def import_log(
         )
     if there:
         check_outputs(output, force=force, inputs=logs)
-    log = read_log(logs, rig_profile(profile), columns, given)
+    log = read_log(logs, rig_profile(profile), columns, given, rate)
     found = preview(log.table)
     out.show(*_lines(found))
     if given and output is None:
@@ -91,9 +100,9 @@ def import_log(
     except RecordingError as error:
         name_files(error, logs, profile, output, given)
         raise
-    for warning in recording.meta.get("warnings", ()):
-        out.warn(warning)
     about = summary(recording)
+    for warning in about["warnings"]:
+        out.warn(warning)
     if output is None:
         out.note(f"Nothing was written. To write the recording: -o {quoted(recording.name)}.mcap")
     else:
@@ -123,7 +132,7 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
     period, start = found["period_s"], found["start_s"]
     clock = "no time"
     if period is not None:
-        clock = minus(f"from {start:g} s, every {period:g} s (median)")
+        clock = minus(f"from {start:g} s, every {period:.3g} s (median)")
     n = found["samples"]
     yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
     yield from found["notes"]

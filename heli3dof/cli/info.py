@@ -99,7 +99,8 @@ def _rows(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if device_cause := about["outcome_details"].get("device_cause"):
         yield "device's cause", device_cause
     rate = f", {1 / timing['period_s']:.4g} Hz" if timing else ""
-    yield "length", f"{about['duration_s']:.2f} s, {about['samples']} samples{rate}"
+    start = minus(f", from {about['start_s']:g} s") if about["start_s"] else ""
+    yield "length", f"{about['duration_s']:.2f} s, {about['samples']} samples{rate}{start}"
     for axis, angle in about["angles"].items():
         reference = "" if angle["reference"] else ", reference not logged"
         if angle["min_deg"] is not None:

@@ -54,14 +54,17 @@ def identified(view: View) -> Iterable[Fault]:
     law = with_known_controller(view.corrected).identified_controller
     if law is not None:
         name = view.recording.name
+        reason = (
+            "another controller than the profile's flew the log"
+            if view.recording.profile.controller_is_known
+            else "the profile has no [controller]"
+        )
         yield Fault(
             "controller.identified", Kind.NOTE, name,
-            f"{name}: a linear controller of order {len(law.A)} was identified from the log. It "
-            f"leaves {100 * law.share:.2g} % of the voltages' changes unexplained. Simulated "
-            "flights use it.",
-            "another controller than the profile's flew the log."
-            if view.recording.profile.controller_is_known else "the profile has no [controller].",
-            "",
+            f"{name}: {reason}. So a linear controller of order {len(law.A)} was identified from "
+            f"the log. It explains {100 * (1 - law.share):.4g} % of the voltages' changes, and "
+            "simulated flights use it.",
+            "", "",
         )  # fmt: skip
 
 

@@ -59,13 +59,12 @@ def gaps(view: View) -> Iterable[Fault]:
     expected = int(view.ticks.number[-1]) + 1 - in_holes
     share = lost / expected
     std = float(np.sqrt(sum(n * n for n in sizes) + incomplete)) / expected
-    longest = max(sizes, default=0)
     kind = Kind.FINDING if share >= SHARE and lost >= LEAST else Kind.NOTE
     parts = [f"{lost} of {expected} samples are missing ({100 * share:.3g} %)"]
     if sizes:
         parts.append(
-            f"in {len(sizes)} gap{'s' * (len(sizes) != 1)}, the longest "
-            f"{1e3 * longest * view.ticks.period_s:.3g} ms"
+            f"in {len(sizes)} gap{'s' * (len(sizes) != 1)}, the longest interval between samples "
+            f"is {np.diff(r.t)[(missing > 0) & ~holes].max():.3g} s"
         )
     if incomplete:
         parts.append(f"{incomplete} of them are rows with a value that is not finite")

@@ -32,7 +32,7 @@ FLOWN = "chrt -f 50 heli3dof run-step --roll 5, which reports how many periods w
 
 def jitter(view: View) -> Iterable[Fault]:
     r = view.recording
-    if len(r) < 20 or not (np.diff(r.t) > 0).all():
+    if len(r) < 20 or not (np.diff(r.t) > 0).all() or view.held_axes:
         return
     stamps_s, std = view.ticks.jitter_s, view.ticks.jitter_std_s
     sampled = sampling_times(r)

@@ -11,6 +11,7 @@ from heli3dof.axes import AXES, ROLL
 from heli3dof.identification.row_selection import clipped, unusable
 from heli3dof.integrity.response import Response, responses
 from heli3dof.recording.logs.corrections import corrected
+from heli3dof.recording.logs.held_angles import held_axes
 from heli3dof.recording.logs.sampling_clock import Ticks, ticks
 from heli3dof.recording.recording import Recording
 
@@ -49,6 +50,11 @@ class View:
     @cached_property
     def ticks(self) -> Ticks:
         return ticks(self.recording.t)
+
+    @cached_property
+    def held_axes(self) -> dict[str, float]:
+        """Return {axis: m} for the axes whose readings the log holds for m rows."""
+        return held_axes(self.recording.angle, self.recording.profile.encoder.rad_per_count)
 
     @cached_property
     def unusable(self) -> dict[str, np.ndarray]:

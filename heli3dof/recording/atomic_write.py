@@ -16,9 +16,7 @@ from typing import BinaryIO
 from heli3dof.errors import OutputExists, UsageError, quoted
 from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
-RECORDINGS = (".mcap", ".parquet")
-"""Endings that `stem` removes in addition to those of the importers"""
-FORMATS = (".mcap", ".json", ".parquet", ".rrd", ".xml")
+FORMATS = (".json", ".rrd", ".xml")
 """Endings of the formats that heli3dof writes, in addition to those of the importers"""
 
 
@@ -31,8 +29,7 @@ def stem(path: Path) -> str:
     from heli3dof.recording.logs.importers import endings
 
     name = path.name
-    known = (*endings(), *RECORDINGS)
-    return next((name[: -len(e)] for e in known if name.lower().endswith(e)), path.stem)
+    return next((name[: -len(e)] for e in endings() if name.lower().endswith(e)), path.stem)
 
 
 def file_name(name: str) -> str:

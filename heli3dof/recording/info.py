@@ -21,6 +21,7 @@ from heli3dof.recording.logs.importers import importer_of
 from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, recording_of
 from heli3dof.recording.mcap_files.recover import salvage
+from heli3dof.recording.motors_cut import motors_cut_warnings
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.clock import LATE_S
@@ -103,6 +104,7 @@ def summary(recording: Recording) -> dict[str, Any]:
     return {
         "name": recording.name,
         "samples": len(recording),
+        "start_s": float(recording.t[0]) if len(recording) else None,
         "duration_s": recording.duration if len(recording) else 0.0,
         "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
@@ -127,6 +129,7 @@ def summary(recording: Recording) -> dict[str, Any]:
             *([clock] if stuck else []),
             *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
             *still_encoder_warnings(recording),
+            *motors_cut_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},

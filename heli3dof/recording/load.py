@@ -17,7 +17,7 @@ def load(
     profile: Profile | None = None,
     columns: str | Sequence[str] | None = None,
 ) -> Recording:
-    """Read a `Recording` from an MCAP file or from a log (``.csv``, ``.csv.gz``, ``.mat``).
+    """Read a `Recording` from an MCAP file or from a log (`importers`): CSV, MAT, …
 
     A log needs the argument ``profile``. A recording of heli3dof contains a profile, which the
     argument replaces. ``columns`` names the rows or columns of a matrix in a MAT file. Raises

@@ -32,6 +32,7 @@ ORDERED = (
     *(form.format(motor) for form in VOLTAGES.values() for motor in MOTORS),
     *(f"{form.format(axis)}_{u}" for form in ANGLES.values() for axis in AXES for u in ANGLE_UNITS),
 )
+VOLTAGE_COLUMNS = frozenset(f.format(motor) for f in VOLTAGES.values() for motor in MOTORS)
 KNOWN = frozenset(ORDERED)
 """Every column name of the contract; an angle has one for degrees and one for radians"""
 

@@ -129,3 +129,36 @@ def test_a_profile_with_an_unknown_column_is_refused(raw: tuple[str, str]) -> No
     assert done.code == 2
     assert "unknown key log.rol_deg" in done.err
     assert "did you mean 'roll_deg'?" in done.err
+
+
+def test_held_angles_are_imported_at_their_rate(tmp_path: Path) -> None:
+    r = flight(3000)
+    row = np.arange(3000) // 10 * 10
+    yaw = np.round(200 * np.sin(row / 150)) * float(np.degrees(r.profile.encoder.rad_per_count[2]))
+    log, rec = tmp_path / "log.csv", tmp_path / "rec.mcap"
+    log.write_text(csv_text(log_columns(r) | {"yaw_deg": yaw}))
+    done = heli3dof("import", log, "--profile", RIG)
+    assert "Held angles: the angles change in some rows only: yaw every 10 rows (50 Hz)" in done.err
+    assert "import the log with --rate 50" in done.err
+    done = heli3dof("import", log, "--profile", RIG, "--rate", "50", "-o", rec)
+    assert "300 of 3000 rows are kept" in done.out
+    read = load(rec)
+    assert read.profile.loop.rate_hz == 50
+    np.testing.assert_allclose(read.voltage[3], r.voltage[30:40].mean(axis=0))
+
+
+def test_labview_s_time_is_suggested(tmp_path: Path) -> None:
+    data = {"X_Value" if n == "t_s" else n: v for n, v in log_columns(flight(1500)).items()}
+    (tmp_path / "log.csv").write_text(csv_text(data))
+    done = heli3dof("import", tmp_path / "log.csv", "--profile", RIG)
+    assert done.err.rstrip().endswith("--map t_s=X_Value")
+
+
+def test_the_period_is_rounded_and_the_first_time_shown(tmp_path: Path) -> None:
+    data = log_columns(flight(1500))
+    data["t_s"] = np.float32(37 + np.array(data["t_s"])).astype(float)
+    (tmp_path / "log.csv").write_text(csv_text(data))
+    rec = tmp_path / "rec.mcap"
+    done = heli3dof("import", tmp_path / "log.csv", "--profile", RIG, "-o", rec)
+    assert "from 37 s, every 0.002 s (median)" in done.out
+    assert "from 37 s" in heli3dof("info", rec).out

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.integrity import Kind, integrity
+from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.recording import Recording
 from tests.integrity.flights import flight, names, only, with_time
@@ -97,7 +98,7 @@ def test_a_hole_is_a_note_and_no_share_of_lost_samples() -> None:
     fault = only(lossy)
     assert fault.effect == "timing.gaps"
     assert fault.parameters["lost_share"][0] == pytest.approx(0.02, rel=0.01)
-    assert "the longest 2 ms" in fault.sentence
+    assert "the longest interval between samples is 0.004 s" in fault.sentence
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.9, 1.1, 2.0])
@@ -166,3 +167,10 @@ def test_a_device_clock_at_another_rate_is_detected() -> None:
     r = flight()
     channels = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}
     assert only(replace(r, channels=channels)).check == "clock.device"
+
+
+def test_gaps_have_the_length_that_import_states() -> None:
+    r = flight("run-step", "timing.gaps:0.05")
+    (fault,) = (f for f in integrity(r) if f.check == "timing.gaps")
+    longest_s = timing(r.t).longest_gap_s
+    assert f"the longest interval between samples is {longest_s:.3g} s." in fault.sentence

@@ -43,8 +43,10 @@ def test_the_controller_is_identified_if_the_profile_s_cannot_be_used(why: str) 
     (found,) = (f for f in integrity(r) if f.check == "controller.identified")
     assert found.kind == Kind.NOTE
     known = why == "other gains"
-    assert ("another controller" in found.cause) == known
-    assert ("no [controller]" in found.cause) != known
+    assert ("another controller" in found.sentence) == known
+    assert ("no [controller]" in found.sentence) != known
+    assert "It explains 9" in found.sentence
+    assert found.cause == ""
     assert "order 3" in found.sentence  # an integral, and rates by a filter of second order
 
 

@@ -90,3 +90,8 @@ def test_a_slow_link_gives_a_warning() -> None:
     latency = {"commands": 100, "commands_unacknowledged": 100, "median_s": 12e-3}
     slow = replace(made, meta={**made.meta, "outcome_details": {"latency": latency}})
     assert any("12.0 ms (median)" in w for w in summary(slow)["warnings"])
+
+
+def test_the_first_time_is_stated() -> None:
+    r = flight(50)
+    assert summary(replace(r, t=r.t + 37))["start_s"] == pytest.approx(37 + r.t[0])

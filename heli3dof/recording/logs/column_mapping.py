@@ -18,7 +18,7 @@ import numpy as np
 
 from heli3dof.errors import Heli3dofError, RecordingError, UsageError, did_you_mean, nearest
 from heli3dof.recording.logs.importer import Table
-from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
+from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN, VOLTAGE_COLUMNS
 
 LISTED = 12
 """Largest number of column names in a message"""
@@ -168,13 +168,15 @@ class _Mapping:
         if unknown := _unknown(tree):
             raise self._no_column(target, unknown[0])
         self._pending.append(target)
-        values = {place: self._values_of(name) for place, name in names.items()}
+        values = {place: self._values_of(name, target) for place, name in names.items()}
         self._pending.pop()
         self.used |= set(names.values()) & self.table.columns.keys()
         self._results[target] = self._evaluated(target, tree, values)
         return self._results[target]
 
-    def _values_of(self, name: str) -> np.ndarray:
+    def _values_of(self, name: str, target: str) -> np.ndarray:
+        if target in VOLTAGE_COLUMNS and name in self.table.means:
+            return self.table.means[name]
         if name in self.table.columns:
             return self.table.columns[name]
         return self.value(name) if name in self.entries else np.arange(self.n, dtype=float)

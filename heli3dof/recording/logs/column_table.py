@@ -106,7 +106,7 @@ def recording_from_table(
                 if name in columns:
                     arrays[array][:, i] = columns[name] * factor
                     used.add(name)
-    warnings += log_validation.hidden_jitter_warnings(
+    warnings += log_validation.hidden_timing_warnings(
         t, arrays["angle"], profile.encoder.rad_per_count
     )
     channels = {name: values for name, values in columns.items() if name not in used}

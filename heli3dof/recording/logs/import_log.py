@@ -20,6 +20,7 @@ from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
 from heli3dof.recording.logs.joined_tables import join
 from heli3dof.recording.logs.known_names import with_own_names
+from heli3dof.recording.logs.lower_rate import at_rate, with_mean_voltages
 from heli3dof.recording.mcap_files.mcap_scan import read_bytes, refuse_stream, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.provenance import provenance
@@ -51,6 +52,7 @@ def import_log(
     columns: str | Sequence[str] | None = None,
     *,
     mapping: Mapping[str, str] | None = None,
+    rate_hz: float | None = None,
     check_values: bool = True,
 ) -> Recording:
     """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
@@ -61,11 +63,14 @@ def import_log(
     * ``columns``: names of the rows or columns of a matrix in a MAT file
     * ``mapping``: column → expression of the log's columns (`column_mapping`); it adds to the
       profile's ``[log]``
+    * ``rate_hz``: keep the rows at this rate (`lower_rate`), which becomes the profile's
+      ``loop.rate_hz``
     * ``check_values=False`` skips the checks that angles and voltages have the units in their names
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
-    return recording_of(read_log(paths, profile, columns, mapping), check_values=check_values)
+    log = read_log(paths, profile, columns, mapping, rate_hz)
+    return recording_of(log, check_values=check_values)
 
 
 def read_log(
@@ -73,6 +78,7 @@ def read_log(
     profile: Profile | None,
     columns: str | Sequence[str] | None = None,
     mapping: Mapping[str, str] | None = None,
+    rate_hz: float | None = None,
 ) -> Log:
     """Return the columns of one flight's files in one table, and the columns mapped from them.
 
@@ -89,7 +95,12 @@ def read_log(
     profile = profile or table.profile
     assert profile is not None  # else the importer has raised an error
     defaults = profile.log.expressions if profile.log is not None else {}
-    table = with_own_names(mapped(table, mapping or {}, defaults))
+    table = with_mean_voltages(with_own_names(mapped(table, mapping or {}, defaults)))
+    if rate_hz is not None and "t_s" in table.columns:
+        table = at_rate(table, profile, rate_hz)
+        kept_hz = round(1 / float(np.median(np.diff(table.columns["t_s"]))), 6)
+        loop = profile.loop.model_copy(update={"rate_hz": kept_hz})
+        profile = profile.model_copy(update={"loop": loop})
     return Log(files, table, profile)
 
 
@@ -192,6 +203,8 @@ def _not_importable(path: Path) -> RecordingError:
         )
     return RecordingError(
         f"{path} is not a log that can be imported; it is {what_is(data)}.",
-        cause=f"its name does not end in {', '.join(endings())}.",
-        fix="give it the ending of its format, or export the log as CSV",
+        cause=f"{path.suffix or 'a name without ending'} is not among the formats that can be "
+        f"read: {', '.join(sorted(endings()))}.",
+        fix="write the log as CSV with a header line; if it has one of these formats, correct the "
+        "ending of its name",
     )

@@ -29,6 +29,8 @@ class Table:
     has the same name in the log"""
     ignored: Sequence[str] = ()
     """Names of the columns that were left out, each with the reason"""
+    means: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Column of a faster log → its means over the intervals of the rows, for voltages"""
     paths: Mapping[str, str] = field(default_factory=dict)
     """Full path in the log, such as ``flight.angle.roll`` → column; a mapping accepts both names"""
     notes: Sequence[str] = ()

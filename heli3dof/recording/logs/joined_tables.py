@@ -1,4 +1,8 @@
-"""Join the tables of several logs of one flight on their common clock; nothing is resampled."""
+"""Join the tables of several logs of one flight on their common clock.
+
+The rows are those of the slowest log. A faster log's signals are sampled there; its voltages are
+averaged over the interval of each row (`lower_rate`).
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.logs.log_validation import check_time_increases
+from heli3dof.recording.logs.lower_rate import MEANS, interval_means
 
 CLOCK_NAMES = ("t_s", "time", "t", "tout", "time_s", "seconds")
 """Names (lower case) that a log's clock may have, in order of priority"""
@@ -60,6 +65,7 @@ def join(tables: Sequence[Table]) -> Table:
     first = (clocked or tables)[0]
     rows = _common_rows(clocked)
     columns: dict[str, np.ndarray] = {}
+    means: dict[str, np.ndarray] = {}
     paths: dict[str, str] = {}
     warnings = [f"{table.source}: {w}" for table in tables for w in table.warnings]
     seen = Counter(name for table in tables for name in table.columns)
@@ -76,11 +82,19 @@ def join(tables: Sequence[Table]) -> Table:
                 fix="log all of them at the control rate, each with its time",
             )
         keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
+        is_faster = len(keep) > 1 and float(np.median(np.diff(keep))) > 1
         if len(keep) < n and "t_s" in table.columns:
-            warnings.append(
+            text = (
                 f"{_signals(table)}: {n - len(keep)} of {n} samples were left out, because other "
                 "signals have none at these times."
             )
+            if is_faster:
+                kept_hz = 1 / float(np.median(np.diff(table.columns["t_s"][keep])))
+                text += (
+                    f" The other rows are kept, {MEANS} If the profile has another loop.rate_hz, "
+                    f"add --rate {kept_hz:.4g}."
+                )
+            warnings.append(text)
         for name, values in table.columns.items():
             is_clock = name in ("t_s", table.origins.get("t_s"))
             if is_clock and table is not first:
@@ -93,6 +107,8 @@ def join(tables: Sequence[Table]) -> Table:
                     fix="name every file of one flight once; rename one of the signals",
                 )
             columns[own] = values[keep]
+            if is_faster:
+                means[own] = interval_means(values, keep)
             paths |= {f"{own[: -len(name)]}{p}": own for p, c in table.paths.items() if c == name}
     return Table(
         " + ".join(dict.fromkeys(table.source for table in tables)),
@@ -102,6 +118,7 @@ def join(tables: Sequence[Table]) -> Table:
         next((table.profile for table in tables if table.profile is not None), None),
         first.origins,
         [text for table in tables for text in table.ignored],
+        means,
         paths,
         [f"{table.source}: {text}" for table in tables for text in table.notes],
     )
@@ -140,7 +157,7 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
         raise RecordingError(
             f"The files were sampled at different instants: {ranges}.",
             cause="two programs logged them, or one log has gaps.",
-            fix="let one model log all signals at the control rate; heli3dof does not resample",
+            fix="let one model log all signals at the control rate",
         )
     return {id(table): k[keep] for table, k in zip(tables, partners, strict=True)}
 

@@ -20,8 +20,8 @@ from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
 
 IMPORT = "heli3dof import …"
 """Start of a suggested command; the command line completes it (`cli.inputs.name_files`)"""
-TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
-        "tms": "/1000", "ms": "/1000", "milliseconds": "/1000"}  # fmt: skip
+TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "xvalue": "",
+        "timems": "/1000", "tms": "/1000", "ms": "/1000", "milliseconds": "/1000"}  # fmt: skip
 TIME_UNITS = {"s": "", "ms": "/1000"}
 """Unit of a column's name → what converts a clock in this unit to s"""
 UNITS = {"s": "s", "sec": "s", "v": "V", "volt": "V", "volts": "V", "°": "deg", "deg": "deg",

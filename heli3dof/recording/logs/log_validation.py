@@ -13,7 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.logs.known_names import as_options
+from heli3dof.recording.logs.held_angles import (
+    HELD_CAUSE,
+    held_axes,
+    held_clause,
+    held_fix,
+)
+from heli3dof.recording.logs.known_names import IMPORT, as_options
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
@@ -21,6 +27,9 @@ MIN_SAMPLES = 10
 """Smallest number of samples in a log (a convention)"""
 MAX_LOST_SHARE = 0.3
 """Largest share of lost samples in a usable recording. Chosen."""
+SAME_PERIOD = 0.01
+"""Largest relative difference of the mean interval from the control period, for rounded times
+(a convention)"""
 JITTER = 0.02
 """RMS scatter of the intervals, as a share of the period, above which there is a warning (a
 convention)"""
@@ -62,6 +71,7 @@ class Timing:
     gaps: int
     """Number of intervals in which samples are missing (`Ticks.missing`)"""
     longest_gap_s: float
+    """s, longest interval between two samples with missing samples in between"""
     lost_share: float
     """Samples missing in the gaps, as a share of all expected samples"""
 
@@ -78,7 +88,7 @@ def timing(t: np.ndarray) -> Timing:
         rate_hz=1 / period,
         jitter_s=float(np.sqrt(np.mean((dt[~gap] - period) ** 2))) if (~gap).any() else 0.0,
         gaps=int(gap.sum()),
-        longest_gap_s=float(dt.max()) if gap.any() else 0.0,
+        longest_gap_s=float(dt[gap].max()) if gap.any() else 0.0,
         lost_share=lost / (len(t) + lost),
     )
 
@@ -93,13 +103,21 @@ def check_length(source: str, n: int) -> None:
         )
 
 
-def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if the time t (N,) s does not increase at every sample."""
+def check_time_increases(
+    source: str, t: np.ndarray, where: Where, period_s: float | None = None
+) -> None:
+    """Raise RecordingError if the time t (N,) s does not increase at every sample.
+
+    ``period_s``: the profile's control period. If it is the mean interval, the times were rounded,
+    and the advice is to compute them from the sample's number.
+    """
     dt = np.diff(t)
     wrong = ~(dt > 0)
     if wrong.any():
         k = int(np.argmax(wrong))
         same = dt[k] == 0
+        mean_s = (t[-1] - t[0]) / (len(t) - 1)
+        is_rounded = same and period_s is not None and abs(mean_s / period_s - 1) < SAME_PERIOD
         if not same and not t[k + 1 :].any():
             raise RecordingError(
                 f"{source}: t_s is 0 from {where(k + 1)} to the end ({len(t) - k - 1} of {len(t)} "
@@ -110,10 +128,15 @@ def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
         raise RecordingError(
             f"{source}: time does not increase at {where(k + 1)}: "
             f"t_s = {t[k + 1]:.9g} after {t[k]:.9g}.",
-            cause="times were printed with too few digits, or a sample was logged twice."
+            cause="times were printed with too few digits."
+            if is_rounded
+            else "times were printed with too few digits, or a sample was logged twice."
             if same
             else "two logs in one file, unsorted rows, or a clock that was set back.",
-            fix="print t_s with more digits, or remove the repeated rows"
+            fix=f"{IMPORT} {as_options({'t_s': f'sample/{1 / period_s:g}'})}, if no sample is "
+            "missing; or print t_s with more digits"
+            if is_rounded and period_s
+            else "print t_s with more digits, or remove the repeated rows"
             if same
             else f"keep one log per file; sort the rows of {source} by t_s",
         )
@@ -128,7 +151,7 @@ def check_sampling_times(
     control period. ``where``: returns a sample's position in the file as text. ``logged``: the
     expression of the log's columns that computed t.
     """
-    check_time_increases(source, t, where)
+    check_time_increases(source, t, where, period_s)
     found = timing(t)
     if found.period_s == 1 and period_s < 0.5 and (t == np.rint(t)).all():
         raise RecordingError(
@@ -154,7 +177,8 @@ def check_sampling_times(
     if found.gaps:
         warnings.append(
             f"{found.gaps} gap{'s' * (found.gaps != 1)} in time ({100 * found.lost_share:.2g} % "
-            f"of the samples are missing, the longest is {found.longest_gap_s:.3g} s)."
+            "of the samples are missing, the longest interval between samples is "
+            f"{found.longest_gap_s:.3g} s)."
         )
     if found.jitter_s > JITTER * found.period_s:
         warnings.append(
@@ -164,14 +188,20 @@ def check_sampling_times(
     return warnings
 
 
-def hidden_jitter_warnings(
+def hidden_timing_warnings(
     t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray
 ) -> list[str]:
-    """Return a warning if the angles (N, 3) rad show sampling jitter that ``t`` (N,) s does not.
+    """Return a warning if the angles (N, 3) rad show a timing fault that ``t`` (N,) s does not.
 
-    The method is in `heli3dof.recording.logs.sampling_jitter`. ``rad_per_count`` (3,): the
-    encoders' steps.
+    The faults are angles that are held for several rows (`held_angles`), and otherwise sampling
+    jitter (`sampling_jitter`). ``rad_per_count`` (3,): the encoders' steps.
     """
+    if held := held_axes(angle, rad_per_count):
+        rate_hz = 1 / float(np.median(np.diff(t)))
+        return [
+            f"Held angles: {held_clause(held, rate_hz)}. Likely cause: {HELD_CAUSE} Try: "
+            f"{held_fix(held, rate_hz)}"
+        ]
     found = motion_jitter(t, angle, rad_per_count)
     if not found.is_significant:
         return []
@@ -213,7 +243,8 @@ def check_voltages(
     if beyond:
         warnings.append(
             f"{' and '.join(beyond)}, beyond the profile's limit of ±{v_max:.4g} V. Likely cause: "
-            "the log contains the controller's output before the limiter, or sum and difference. "
+            "the log contains the controller's output before the limiter, sum and difference, or "
+            "per cent of the limit. "
             "Identification, diagnosis and comparison limit the voltages. If the amplifier's limit "
             "is higher, correct motor.v_max in the profile."
         )

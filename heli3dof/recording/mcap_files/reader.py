@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from heli3dof.errors import ProfileError, RecordingError, quoted
 from heli3dof.file_kind import other_file
 from heli3dof.recording.logs.import_log import import_log
+from heli3dof.recording.logs.importers import endings
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
     Scan,
@@ -92,10 +93,8 @@ def open_mcap(path: Path) -> Scan:
             fix += f"heli3dof import {quoted(named)} --profile PROFILE.toml "
             fix += f"-o {quoted(path.stem)}.mcap"
         else:
-            cause, fix = (
-                "you meant another file, or its ending is wrong.",
-                f"ls {quoted(path.parent)}",
-            )
+            cause = "a log in a format that cannot be read, or another file than you meant."
+            fix = f"write the log in one of these formats: {', '.join(sorted(endings()))}"
         raise RecordingError(
             f"{path} is not an MCAP recording; it is {kind}.", cause=cause, fix=fix
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -267,6 +268,36 @@ def test_the_advice_fits_the_log_and_the_profile(tmp_path: Path, content, what, 
     assert fix in str(caught.value.fix)
 
 
+def numbered(first: int = 0, step: int = 1) -> str:
+    head, *rows = csv_text(columns()).splitlines()
+    lines = [f",{head}", *(f"{first + step * k},{row}" for k, row in enumerate(rows))]
+    return "\n".join(lines) + "\n"
+
+
+def test_an_unnamed_first_column_of_row_numbers_is_ignored(tmp_path: Path) -> None:
+    log = read_log(write(tmp_path, numbered()), PROFILE)
+    assert log.table.columns.keys() == columns().keys()
+    assert "numbers the rows" in log.table.notes[0]
+    with pytest.raises(RecordingError, match="column 1 of the header line has no name"):
+        import_log(write(tmp_path, numbered(step=5)), PROFILE)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_dates_with_times_become_seconds(tmp_path: Path, zone: str) -> None:
+    start = datetime(2026, 5, 4, 23, 59, 59)
+    t = [timedelta(seconds=float(x)) for x in columns()["t_s"]]
+    log = read_log(write(tmp_path, columns() | {"t_s": [f"{start + x}{zone}" for x in t]}), PROFILE)
+    np.testing.assert_allclose(log.table.columns["t_s"], flight(1500).t, atol=1e-6)
+    assert "t_s contains dates" in log.table.notes[0]
+
+
+def test_rounded_times_are_computed_from_the_sample_number(tmp_path: Path) -> None:
+    rounded = columns() | {"t_s": np.round(columns()["t_s"], 2)}
+    with pytest.raises(RecordingError) as caught:
+        import_log(write(tmp_path, rounded), PROFILE)
+    assert caught.value.fix.startswith("heli3dof import … --map t_s=sample/500, if no sample is")
+
+
 def test_decimal_commas_in_a_comma_table_are_named_as_the_cause(tmp_path: Path) -> None:
     text = "t_s,v_front_V,v_back_V,roll_deg\n0,000,1,5,2,5,3,5\n0,002,1,5,2,5,3,5\n"
     with pytest.raises(RecordingError) as caught:
@@ -295,7 +326,11 @@ def jittery() -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (gappy, "2 gaps in time (0.73 % of the samples are missing, the longest is 0.022 s)"),
+        (
+            gappy,
+            "2 gaps in time (0.73 % of the samples are missing, the longest interval "
+            "between samples is 0.022 s)",
+        ),
         (jittery, "Sampling jitter: the intervals"),
         (lambda: columns() | {"t_s": 2 * columns()["t_s"]}, "Sampled at 250 Hz"),
         (

@@ -237,6 +237,9 @@ def test_a_missing_recording_names_the_nearest(tmp_path: Path) -> None:
     write_flight(tmp_path / "flight-12.mcap", 1)
     with pytest.raises(RecordingError, match=r"did you mean .*flight-12\.mcap"):
         read_recording(tmp_path / "flight-21.mcap")
+    with pytest.raises(RecordingError) as caught:
+        read_recording(tmp_path / "nope.mcap")
+    assert "did you mean" not in caught.value.cause
 
 
 @pytest.mark.parametrize(

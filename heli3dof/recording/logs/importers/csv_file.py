@@ -1,8 +1,9 @@
 """Importer of CSV logs (``.csv``, ``.csv.gz``); its errors name line and column.
 
 numpy parses the whole file; if it fails, the text is parsed cell by cell to find the faulty cell.
-Semicolons, tabs or spaces between columns, decimal commas, titles above the header and a line of
-units below it are accepted with a note.
+Semicolons, tabs or spaces between columns, decimal commas, titles above the header, a line of units
+below it, an unnamed first column that numbers the rows, and dates with times (ISO 8601) are
+accepted with a note.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import csv
 import gzip
 import zlib
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +75,9 @@ def read(
         with_units = zip(names, units, strict=True)
         names = [n if n in KNOWN or not u else f"{n} [{u}]" for n, u in with_units]
         body, numbers = body[1:], numbers[1:]
+    if names[0] == "" and _are_row_numbers(body, separator):
+        notes.append("The first column numbers the rows and has no name; it was ignored.")
+        names, body = names[1:], [x.partition(separator)[2] for x in body]
     _check_header(path, names, separator)
     if len(body) > 1 and not text.endswith(("\n", "\r")):
         cells = len(_cells(body[-1], separator))
@@ -84,7 +89,7 @@ def read(
     if values is None:
         rows = [_cells(line, separator) for line in body]
         rows, numbers = _complete(path, rows, numbers, separator, names, warnings)
-        values = _exact(path, rows, numbers, names, warnings)
+        values = _exact(path, rows, numbers, names, warnings, notes)
     return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings, notes=notes)
 
 
@@ -170,6 +175,16 @@ def _header(path: Path, line: str) -> tuple[str, list[str]]:
     return separator, names
 
 
+def _are_row_numbers(body: list[str], separator: str) -> bool:
+    """Return True if the first cells of all lines are whole numbers that increase, mostly by 1."""
+    try:
+        numbers = [int(line.partition(separator)[0].strip().strip('"')) for line in body]
+    except ValueError:
+        return False
+    steps = np.diff(numbers)
+    return len(steps) > 0 and bool((steps > 0).all()) and float(np.median(steps)) == 1
+
+
 def _check_header(path: Path, names: list[str], separator: str) -> None:
     for i, name in enumerate(names):
         if name == "":
@@ -240,13 +255,15 @@ def _complete(
 
 
 def _exact(
-    path: Path, rows: list[list[str]], numbers: list[int], names: list[str], warnings: list[str]
-) -> dict[str, np.ndarray]:
+    path: Path, rows: list[list[str]], numbers: list[int], names: list[str], warnings: list[str],
+    notes: list[str],
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Return the log's columns, parsed cell by cell. An empty cell becomes NaN.
 
-    Text in a column with an unknown name removes that column with a warning. Text in another column
-    raises RecordingError. ``rows``: the cells of each line; ``numbers``: the lines' numbers.
-    Warnings are appended to ``warnings``.
+    Dates with times become seconds from the first one, which a text in ``notes`` states. Text in a
+    column with an unknown name removes that column with a warning. Text in another column raises
+    RecordingError. ``rows``: the cells of each line; ``numbers``: the lines' numbers. Warnings are
+    appended to ``warnings``.
     """
     columns: dict[str, np.ndarray] = {}
     for i, name in enumerate(names):
@@ -260,7 +277,10 @@ def _exact(
                 if cell.lower() not in EMPTY:
                     text = (k, cell)
                     break
-        if text is None:
+        if text is not None and (dates := _dates([row[i].strip() for row in rows])):
+            columns[name] = np.array([(date - dates[0]).total_seconds() for date in dates])
+            notes.append(f"{name} contains dates; it was read as seconds from {dates[0]} on.")
+        elif text is None:
             columns[name] = values
         elif name in KNOWN:
             raise RecordingError(
@@ -274,6 +294,15 @@ def _exact(
                 "it was ignored, because channels are numeric."
             )
     return columns
+
+
+def _dates(cells: list[str]) -> list[datetime]:
+    """Return the dates with times in ``cells`` (ISO 8601); [] if a cell contains anything else."""
+    try:
+        dates = [datetime.fromisoformat(cell) for cell in cells]
+    except ValueError:
+        return []
+    return dates if len({date.tzinfo is None for date in dates}) == 1 else []
 
 
 def _ragged(

@@ -35,7 +35,13 @@ def read(
     Raises RecordingError if the file contains no such signals or is not readable, UsageError if
     ``columns`` repeats a name or h5py is missing.
     """
-    variables = read_variables(path)
+    return table_of(path, read_variables(path), columns)
+
+
+def table_of(
+    path: Path, variables: Mapping[str, Any], columns: str | Sequence[str] | None
+) -> Table:
+    """Return the columns of the file at ``path``, which has these ``variables``; see `read`."""
     wanted, names = _parse(columns)
     if names is None:
         found = tables(path.name, stem(path), variables)
@@ -111,7 +117,7 @@ def _matrix(path: Path, table: dict[str, np.ndarray], wanted: str | None, count:
     )
 
 
-def _listed(variables: dict[str, Any]) -> str:
+def _listed(variables: Mapping[str, Any]) -> str:
     shapes = (
         f"{name} ({' × '.join(map(str, np.shape(value)))})" for name, value in variables.items()
     )

@@ -18,6 +18,7 @@ from heli3dof.recording.info import file_info
 from heli3dof.recording.load import load
 from heli3dof.recording.logs import importers
 from heli3dof.recording.logs.export import export
+from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.write import write_recording
 from tests.recording.make import flight, open_profile
@@ -153,3 +154,27 @@ def test_an_importer_that_cannot_examine_a_file_leaves_it_to_the_others(
     path.write_bytes(b"torn")
     assert importers.importer_of(path) is NPY
     assert f"the importer LAB cannot examine {path}: error: unpack requires" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["log.npz", "log.parquet"])
+def test_numpy_and_parquet_logs_are_read(tmp_path: Path, name: str) -> None:
+    made, path = flight(500), tmp_path / name
+    if name == "log.parquet":
+        pytest.importorskip("pyarrow")
+        export(made, path)
+    else:
+        columns = {"t_s": made.t, "v_front_V": made.voltage[:, 0], "v_back_V": made.voltage[:, 1]}
+        np.savez(path, **columns, roll_rad=made.angle[:, 0])
+    read = load(path, open_profile())
+    np.testing.assert_allclose(read.angle[:, 0], made.angle[:, 0], atol=1e-12)
+    np.testing.assert_array_equal(read.voltage, made.voltage)
+
+
+def test_other_formats_name_those_that_can_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.xlsx"
+    path.write_bytes(b"PK\x03\x04 a spreadsheet")
+    for read in (lambda: load(path), lambda: import_log(path, open_profile())):
+        with pytest.raises(RecordingError) as caught:
+            read()
+        assert ".csv, .csv.gz, .mat, .mcap, .npz, .parquet" in str(caught.value)
+        assert "ls " not in caught.value.fix

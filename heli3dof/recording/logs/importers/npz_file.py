@@ -1,0 +1,23 @@
+"""Importer of NumPy logs (``.npz``): its arrays have the names of a MAT file's (`mat_file`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from heli3dof.recording.logs.importer import Importer, Table
+from heli3dof.recording.logs.importers.mat_file import table_of
+from heli3dof.rig.profile import Profile
+
+
+def read(
+    path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
+) -> Table:
+    """Return the columns of a NumPy log; ``columns`` is that of `mat_file.read`."""
+    with np.load(path) as arrays:
+        return table_of(path, dict(arrays), columns)
+
+
+IMPORTER = Importer("NumPy", (".npz",), read)

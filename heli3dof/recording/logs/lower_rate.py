@@ -1,0 +1,99 @@
+"""Keep the rows of a log at a lower rate, with the mean of each voltage over the interval of a row.
+
+The voltage of row k acts until row k + 1. A model that holds the voltage between two kept rows
+needs its mean over all rows from the first of the two to the row before the second: the mean has
+the same integral. All other signals are those of the kept row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.errors import UsageError
+from heli3dof.recording.logs.held_angles import rows_held
+from heli3dof.recording.logs.importer import Table
+from heli3dof.recording.logs.log_validation import check_time_increases
+from heli3dof.rig.log_columns import ANGLE_UNITS, VOLTAGE_COLUMNS
+from heli3dof.rig.profile import Profile
+
+SAME = 0.01
+"""Largest relative difference of two rates, or spacings of rows, that count as equal. Chosen."""
+MEANS = "with the mean of each voltage over the interval to the next one."
+
+
+def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
+    """Return the rows of ``table`` at ``rate_hz``.
+
+    If the log holds an angle (`rows_held`), the kept rows are those in which it changes. If their
+    spacing in rows then alternates, as 3, 3, 4, they get evenly spaced times. Raises
+    UsageError if ``rate_hz`` exceeds the log's rate, RecordingError if time does not increase.
+    """
+    t = table.columns["t_s"]
+    check_time_increases(table.source, t, table.where)
+    m = 1 / (rate_hz * float(np.median(np.diff(t))))
+    if m < 1 - SAME:
+        raise UsageError(
+            f"--rate {rate_hz:g} exceeds the log's rate, {rate_hz * m:.4g} Hz.",
+            cause="a typing error, or another log.",
+            fix="a lower rate, or no --rate",
+        )
+    if m < 1 + SAME:
+        return table
+    changes = [np.zeros(0, dtype=int)]
+    for axis, step in zip(AXES, profile.encoder.rad_per_count, strict=True):
+        for unit, factor in ANGLE_UNITS.items():
+            angle = np.nan_to_num(table.columns.get(f"{axis}_{unit}", np.zeros(1)))
+            if rows_held(angle, float(step) / factor) > 1:
+                changes.append(np.flatnonzero(np.diff(angle)) + 1)
+    rows = _rows(np.unique(np.concatenate(changes)), m, len(t))
+    columns = {
+        name: interval_means(values, rows) if name in VOLTAGE_COLUMNS else values[rows]
+        for name, values in table.columns.items()
+    }
+    steps = np.diff(rows)
+    if len(steps) and abs(np.median(steps) / steps.mean() - 1) > SAME:
+        even = np.linspace(rows[0], rows[-1], len(rows))
+        columns["t_s"] = np.interp(even, np.arange(len(t)), t)
+    note = f"{len(rows)} of {len(t)} rows are kept (--rate {rate_hz:g}), {MEANS}"
+    where = table.where
+    return replace(
+        table, columns=columns, where=lambda k: where(int(rows[k])), notes=[*table.notes, note]
+    )
+
+
+def with_mean_voltages(table: Table) -> Table:
+    """Return ``table`` with `Table.means` in place of a faster log's sampled voltages."""
+    sources = {name: table.origins.get(name, name) for name in VOLTAGE_COLUMNS}
+    means = {n: table.means[s] for n, s in sources.items() if s in table.means}
+    voltages = {n: values for n, values in means.items() if n in table.columns}
+    return replace(table, columns={**table.columns, **voltages})
+
+
+def _rows(changes: np.ndarray, m: float, n: int) -> np.ndarray:
+    """Return the rows to keep of ``n``: about every m-th, and the one of ``changes`` nearest to it.
+
+    A row of ``changes`` is used if it is less than m/2 rows away.
+    """
+    rows: list[int] = []
+    due = max((float(changes[0]) + 0.5) % m - 0.5, 0.0) if len(changes) else 0.0
+    while due < n - 0.5:
+        k = int(np.searchsorted(changes, due))
+        near = min(changes[max(k - 1, 0) : k + 1], key=lambda row: abs(row - due), default=-np.inf)
+        if abs(near - due) < m / 2:
+            due = float(near)
+        rows.append(round(due))
+        due += m
+    return np.unique(rows)
+
+
+def interval_means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the means of ``values`` (N,) from each of the increasing ``rows`` (n,) to the next.
+
+    The last interval is as long as the one before, or ends with the values.
+    """
+    last = int(rows[-1]) + (int(rows[-1] - rows[-2]) if len(rows) > 1 else 1)
+    stop = min(last, len(values))
+    return np.add.reduceat(values[:stop], rows) / np.diff(rows, append=stop)
