@@ -27,6 +27,7 @@ from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.provenance import profile_file, run_command
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.safety_trip import trip_warning
+from heli3dof.recording.same_rig import check_same_rig
 from heli3dof.stage_clock import Progress, StageClock
 
 FEEDBACK_TEST_S = 0.02
@@ -79,7 +80,8 @@ def identify(
         progress: receives progress messages.
 
     Raises:
-        UsageError: an unknown method, an impossible order, or samples that are given twice.
+        UsageError: an unknown method, an impossible order, samples that are given twice, or
+            recordings of different rigs.
         RecordingError: recordings that cannot be used for a fit; names the recording and why.
     """
     about = known_method(method)
@@ -107,6 +109,7 @@ def identify(
 
         chosen = chosen_terms(terms)
     train, test = _several(recordings), _several(holdout)
+    check_same_rig([*train, *test])
     check_distinct(train, test)
     clock = StageClock(progress)
     clock.start("preparation", "Selecting the rows to fit …")

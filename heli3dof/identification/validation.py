@@ -118,14 +118,14 @@ def predictions(
     """Return measured and predicted angles (N, 3) rad for each run of usable rows.
 
     ``runs`` are ranges of usable rows of the recordings in ``prepared``. The predictions are
-    ``horizon_s`` (s) ahead. They are NaN until the filter has settled.
+    ``horizon_s`` (s) ahead; 0: one sample. They are NaN until the filter has settled.
     """
     out = []
     for run in runs:
         recording = prepared.recordings[run.source]
         lead = _lead_in(prepared, run, round(LEAD_IN_S / prepared.dt))
         part = recording.rows(slice(run.start - lead, run.stop))
-        predicted = model.predict(part, horizon_s)[lead:].copy()
+        predicted = model.predict(part, horizon_s or part.dt)[lead:].copy()
         settle = round((WARM_UP_S + horizon_s) / prepared.dt) - lead
         if settle > 0:
             predicted[:settle] = np.nan
