@@ -62,7 +62,7 @@ SIGMAS = 2.0
 def factored(
     transfer: TransferFunctions, interval_s: float | None = None, poles: Sequence[Pole] = ()
 ) -> tuple[FactoredTransferFunction, ...]:
-    """Return the six simplified transfer functions from the voltages to the angles, in factors.
+    """Return the simplified transfer functions from the voltages to the angles, in factors.
 
     The inputs are the sum and the difference of the voltages. The result is sorted by angle (roll,
     pitch, yaw), then by input (sum, difference). ``interval_s``: the sampling interval of the fit.
@@ -72,7 +72,7 @@ def factored(
     """
     highest = HIGHEST if interval_s is None else min(HIGHEST, NYQUIST_SHARE * np.pi / interval_s)
     s = 1j * np.geomspace(LOWEST, highest, POINTS)
-    channels = [_Channel(transfer, i, name, s, poles) for i in range(len(AXES)) for name in INPUTS]
+    channels = [_Channel(transfer, i, name, s, poles) for i in transfer.shown for name in INPUTS]
     return tuple(c.simplified() for c in channels)
 
 

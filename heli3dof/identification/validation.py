@@ -93,12 +93,13 @@ class Metrics:
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
-    Rows with a NaN are skipped. Each pair has its own mean ȳ in the fit (see the module). The fit
-    is NaN if the measured angle is constant.
+    Rows with a NaN are skipped, except on axes that are NaN throughout. Each pair has its own mean
+    ȳ in the fit (see the module). The fit is NaN if the measured angle is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
-        ok = np.isfinite(y).all(axis=1) & ~np.isnan(predicted).any(axis=1)
+        measured = np.isfinite(y).any(axis=0)
+        ok = (np.isfinite(y) & ~np.isnan(predicted))[:, measured].all(axis=1)
         if not ok.any():
             continue
         error += ((y - predicted)[ok] ** 2).sum(axis=0)
