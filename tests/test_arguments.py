@@ -98,6 +98,9 @@ def test_a_model_by_name_is_of_each_recordings_rig(flown: h3.Recording) -> None:
         (lambda r: h3.compare(r, [r]), r"models\[0\] is of the type Recording"),
         (lambda r: h3.compare(r, ["hoover"]), "no model 'hoover'"),
         (lambda r: h3.compare([r], []), "No model was given"),
+        (lambda r: h3.identify(r, order=8), "Try: method='pem', or leave order out"),
+        (lambda r: h3.identify(r, method="pem", order=0), "^order 0 is not possible"),
+        (lambda r: h3.identify(r, method="arx"), "Try: one of freeflight, greybox"),
         (lambda r: h3.flight_metrics(r.between(100, 200)), "has no samples"),
         (lambda r: r.has_reference("elevation"), "no axis 'elevation'"),
         (lambda r: setattr(r.profile.mass, "m_w", 2), "m_w of a Mass cannot be set"),
@@ -110,6 +113,7 @@ def test_a_wrong_argument_is_named(
         call(flown)
     assert caught.value.cause
     assert caught.value.fix
+    assert " --" not in str(caught.value).partition("heli3dof ")[0]
 
 
 def test_a_model_refuses_an_interval_or_a_horizon_of_zero(flown: h3.Recording) -> None:

@@ -56,6 +56,6 @@ def load_model(name_or_path: str | Path, profile: Profile | None = None) -> Mode
         raise UsageError(
             f"There is no model {text!r}.",
             cause=f"a typing error; {did_you_mean(text, BUILT_IN)}",
-            fix=f"--model with one of {', '.join(BUILT_IN)}, or the path of a model file (.json)",
+            fix=f"one of {', '.join(BUILT_IN)}, or the path of a model file (.json)",
         )
     return read_model(path)

@@ -24,7 +24,8 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
                 f"{rigs[0][key]:g} in their profiles"
                 + (f" (and {len(differing) - 1} more)." if differing[1:] else "."),
                 cause="flights of two rigs were given, or the profile was corrected in between.",
-                fix="give flights of one rig; if it is the same rig, add --profile FILE.toml",
+                fix="give flights of one rig; if it is the same rig, load them with "
+                "profile='FILE.toml'",
             )
 
 

@@ -36,7 +36,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
             f"{_poles(unstable)} not left of zero.",
             cause=_cause(model),
             fix="fly another gain ([controller] K in the profile) or check it on the corrected "
-            "model (--model hover)",
+            "model (model='hover')",
         )
     if isinstance(model, LinearModel) and model.physical_state:
         sampled = sampled_loop_poles(model, controller, dt)
