@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,10 @@ def test_a_model_by_name_is_of_each_recordings_rig(flown: h3.Recording) -> None:
         (lambda r: h3.identify([r, HOVER]), r"recordings\[1\] is of the type LinearModel"),
         (lambda r: h3.compare(r, [r]), r"models\[0\] is of the type Recording"),
         (lambda r: h3.compare(r, ["hoover"]), "no model 'hoover'"),
+        (lambda r: h3.compare([r], []), "No model was given"),
+        (lambda r: h3.identify(r, order=8), "Try: method='pem', or leave order out"),
+        (lambda r: h3.identify(r, method="pem", order=0), "^order 0 is not possible"),
+        (lambda r: h3.identify(r, method="arx"), "Try: one of freeflight, greybox"),
         (lambda r: h3.flight_metrics(r.between(100, 200)), "has no samples"),
         (lambda r: r.has_reference("elevation"), "no axis 'elevation'"),
         (lambda r: setattr(r.profile.mass, "m_w", 2), "m_w of a Mass cannot be set"),
@@ -109,14 +114,29 @@ def test_a_wrong_argument_is_named(
         call(flown)
     assert caught.value.cause
     assert caught.value.fix
+    assert " --" not in str(caught.value).partition("heli3dof ")[0]
 
 
-def test_a_model_refuses_an_interval_of_zero() -> None:
+def test_a_model_refuses_an_interval_or_a_horizon_of_zero(flown: h3.Recording) -> None:
     from tests.model.test_greybox_model import true_model
 
     for model in (true_model(), h3.hover_model(h3.default_profile())):
         with pytest.raises(h3.UsageError, match="dt is 0"):
             model.to_control(dt=0)
+        for horizon_s in (0.0, -1.0):
+            with pytest.raises(h3.UsageError, match=f"horizon_s is {horizon_s}"):
+                model.predict(flown, horizon_s)
+
+
+def test_recordings_of_two_rigs_are_not_fitted_together(flown: h3.Recording) -> None:
+    data = h3.default_profile().to_dict()
+    data["geometry"]["L_a"] = 0.5
+    other = replace(flown, profile=h3.profile_from_dict(data))
+    for fit in (h3.identify, h3.diagnose):
+        for arguments in (([flown, other],), (flown, other)):
+            given = dict(zip(("recordings", "holdout"), arguments, strict=False))
+            with pytest.raises(h3.UsageError, match=r"another rig than .*L_a = 0\.5 and 0\.66"):
+                fit(**given)
 
 
 def test_the_file_of_a_model_in_a_document_is_no_model(flown: h3.Recording) -> None:

@@ -106,5 +106,6 @@ def test_the_example_of_a_model_file_runs_for_every_kind_of_model(kind, tmp_path
     h3.save_model(nominal(profile) if kind == "greybox" else h3.hover_model(profile), "fit.json")
     text = (ROOT / "docs/reference/model-file.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(example, {})
+    exec(example, variables := {})
     assert (tmp_path / "copy.json").exists()
+    assert variables["angle"][0] == pytest.approx(0.17, abs=0.01)  # its controller's set value

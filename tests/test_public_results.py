@@ -51,6 +51,20 @@ def test_a_diagnosis_of_faulty_data_has_text_and_an_empty_table_but_no_figure() 
         refused.plot()
 
 
+def test_the_table_of_a_diagnosis_has_the_formula_of_an_unmodelled_torque(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    c = {"value": 0.02, "std": 0.001, "unit": "N·m·s/rad"}
+    formula = {"term": "empirical.yaw.1", "formula": "c * pitch_rate", "score": 90.0,
+               "confidence": 0.9, "formula_parameters": {"c": c}}  # fmt: skip
+    tabulated = {**formula, "formula": None, "formula_parameters": {}}
+    document = {"findings": [], "leftover": [formula, tabulated]}
+    monkeypatch.setattr(h3.Diagnosis, "to_dict", lambda self: document)
+    table = h3.Diagnosis(("a",), (), "unexplained", ()).to_dataframe()
+    assert list(table.index) == [("empirical.yaw.1: c * pitch_rate", "c")]
+    assert list(table.iloc[0]) == [0.02, 0.001, 90.0, 0.9]
+
+
 def test_other_results_have_a_repr_of_at_most_three_lines(
     recording: h3.Recording, diagnosis: h3.Diagnosis
 ) -> None:

@@ -59,7 +59,6 @@ def diagnose(
 ) -> None:
     """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
     from heli3dof.batch.engines.replications import replications_on_cluster
-    from heli3dof.cli.inputs import check_same_rig
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.diagnosis.planning.next_experiment import next_experiment
@@ -87,7 +86,6 @@ def diagnose(
         show_diagnosis(out, document, verbose=verbose)
         out.emit(document)
         _end_with_bad_data(out, document)
-    check_same_rig([*train, *test])
     written = upcoming = None
     with stages(out) as stage, replications_on_cluster(cluster):
         result = diagnose(

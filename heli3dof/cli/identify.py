@@ -64,7 +64,7 @@ def identify(
     verbose: Verbose = False,
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
-    from heli3dof.cli.inputs import check_same_rig, load_all
+    from heli3dof.cli.inputs import load_all
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
@@ -74,7 +74,6 @@ def identify(
     check_ending(path, ".json")
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
-    check_same_rig([*train, *test])
     with stages(out) as stage:
         result = identify(
             train,

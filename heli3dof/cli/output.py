@@ -10,8 +10,9 @@ import functools
 import inspect
 import json
 import os
+import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,14 +43,16 @@ class Output:
     """Prints the results, notes, warnings and JSON document of one subcommand.
 
     ``as_json``: only one JSON document goes to stdout, all else to stderr. ``quiet``: results and
-    notes are not printed.
+    notes are not printed. ``arguments``: names of the subcommand's parameters (`with_options`).
     """
 
     has_emitted = False
     """True once a JSON document was printed by this process"""
 
-    def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
-        self.as_json, self.quiet = as_json, quiet
+    def __init__(
+        self, *, as_json: bool = False, quiet: bool = False, arguments: Sequence[str] = ()
+    ) -> None:
+        self.as_json, self.quiet, self.arguments = as_json, quiet, tuple(arguments)
 
     @functools.cached_property
     def err(self) -> Console:
@@ -74,6 +77,7 @@ class Output:
 
     def warn(self, text: str) -> None:
         """Print "Warning: " and the sentence ``text`` on stderr, even with ``--quiet``."""
+        text = with_options(text, self.arguments)
         self.err.print(f"Warning: {text}", soft_wrap=True, style="yellow")
 
     def fail(self, text: str) -> None:
@@ -155,15 +159,17 @@ def verb(function: Callable[..., None]) -> Callable[..., None]:
 
     ``function`` gets the `Output` of these options as its first argument, ``out``. If it raises an
     error, the command prints the error and exits with the error's exit code. The message states
-    what happened, the likely cause and the fix.
+    what happened, the likely cause and the fix. Messages of the package name arguments of Python
+    functions; the command prints them as options (`with_options`).
     """
 
     @functools.wraps(function)
     def run(*args: Any, as_json: bool = False, quiet: bool = False, **options: Any) -> None:
+        out = Output(as_json=as_json, quiet=quiet, arguments=[p.name for p in parameters])
         try:
-            function(Output(as_json=as_json, quiet=quiet), *args, **options)
+            function(out, *args, **options)
         except Heli3dofError as error:
-            print_error(error, as_json=as_json)
+            print_error(error, as_json=as_json, arguments=out.arguments)
             raise typer.Exit(error.exit_code) from None
         except KeyboardInterrupt as error:
             print_interruption(error, as_json=as_json)
@@ -248,15 +254,37 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
     )
 
 
-def print_error(error: Heli3dofError, *, as_json: bool) -> None:
-    """Print an error on stderr: what happened, likely cause, fix. ``as_json``: also as JSON."""
+def with_options(text: str, arguments: Sequence[str]) -> str:
+    """Return ``text`` with options in place of the ``arguments`` of a Python function.
+
+    >>> with_options("add profile='RIG.toml', order=4 or force=True", ["profile", "order", "force"])
+    'add --profile RIG.toml, --order 4 or --force'
+    """
+
+    def option(match: re.Match[str]) -> str:
+        name, value = match[1].replace("_", "-"), match[2].strip("'")
+        return f"--{name}" if value == "True" else f"--{name} {value}"
+
+    if not arguments:
+        return text
+    return re.sub(rf"(?<![\w.?&:])({'|'.join(arguments)})=('[^']*'|\w+)", option, text)
+
+
+def print_error(error: Heli3dofError, *, as_json: bool, arguments: Sequence[str] = ()) -> None:
+    """Print an error on stderr: what happened, likely cause, fix. ``as_json``: also as JSON.
+
+    ``arguments``: names of the subcommand's parameters (`with_options`).
+    """
     out = Output(as_json=as_json)
-    out.err.print(f"Error: {error.what}", soft_wrap=True, style="bold red")
-    if error.cause:
-        out.err.print(f"Likely cause: {error.cause}", soft_wrap=True)
-    if error.fix:
-        out.err.print(f"Try: {error.fix}", soft_wrap=True)
-    out.emit_error(error.what, error.cause, error.fix, error.exit_code)
+    what, cause, fix = (
+        with_options(text, arguments) for text in (error.what, error.cause, error.fix)
+    )
+    out.err.print(f"Error: {what}", soft_wrap=True, style="bold red")
+    if cause:
+        out.err.print(f"Likely cause: {cause}", soft_wrap=True)
+    if fix:
+        out.err.print(f"Try: {fix}", soft_wrap=True)
+    out.emit_error(what, cause, fix, error.exit_code)
 
 
 def print_interruption(error: KeyboardInterrupt, *, as_json: bool) -> None:

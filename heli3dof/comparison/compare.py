@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from heli3dof.comparison.metrics import AxisMetrics, step_metrics
+from heli3dof.comparison.metrics import metrics_in_flight
 from heli3dof.comparison.prediction import (
     HORIZONS_S,
     STEPS_AVERAGED,
@@ -37,7 +37,7 @@ from heli3dof.comparison.result import (
     PredictionError,
     Trace,
 )
-from heli3dof.errors import Heli3dofError
+from heli3dof.errors import Heli3dofError, UsageError
 from heli3dof.identification.row_selection import rows_in_flight
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
@@ -65,17 +65,21 @@ def compare(
     if it is empty, nothing is predicted. ``identify_controller``: identify a linear controller from
     each recording whose profile has none, and replay the recording with it. If a model cannot be
     compared, ``ModelComparison.cannot`` gives the reason; the other models are still compared.
+    Raises UsageError if there is no model.
     """
-    flights = tuple(
-        compare_flight(
-            r,
-            models(r) if callable(models) else models,
-            horizons_s=horizons_s,
-            identify_controller=identify_controller,
+    flights = []
+    for r in recordings:
+        each = models(r) if callable(models) else models
+        if not each:
+            raise UsageError(
+                "No model was given.",
+                cause="the list of models is empty.",
+                fix="models=['hover'], or the model of an identification: [identified.model]",
+            )
+        flights.append(
+            compare_flight(r, each, horizons_s=horizons_s, identify_controller=identify_controller)
         )
-        for r in recordings
-    )
-    return Comparison(flights, tuple(float(h) for h in horizons_s))
+    return Comparison(tuple(flights), tuple(float(h) for h in horizons_s))
 
 
 def compare_flight(
@@ -115,7 +119,7 @@ def compare_flight(
     return FlightComparison(
         recording=recording,
         flown=flown,
-        experiment=_metrics(flown, flown.angle),
+        experiment=metrics_in_flight(flown, flown.angle),
         loop="not replayed" if why else "replayed",
         why=why,
         constant_angles=_prediction_error(flown, held, rows, fits),
@@ -140,7 +144,7 @@ def _model_comparison(
 ) -> ModelComparison:
     metrics, rmse, trace = None, None, None
     if replayed is not None:
-        metrics = _metrics(flown, replayed.angle)
+        metrics = metrics_in_flight(flown, replayed.angle)
         error = np.degrees(replayed.angle - flown.angle)
         # Not nanmean: a model that diverges has no RMSE.
         rmse = np.sqrt(np.mean(error**2, axis=0))
@@ -159,12 +163,6 @@ def _model_comparison(
         trace=trace,
         cannot=cannot,
     )
-
-
-def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
-    """Return, by axis, the step metrics of ``angle`` (N, 3) rad for the references in ``flown``."""
-    resolution = flown.profile.encoder.rad_per_count
-    return step_metrics(flown.t, angle, flown.reference, resolution=resolution)
 
 
 def _prediction_error(

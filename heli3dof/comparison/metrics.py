@@ -25,16 +25,16 @@ Kinds of segment:
              from the set value and the overshoot its distance (≥ 0). Percent, rise and settling
              time are undefined.
 ``moving``   the whole reference, if over half of its rows are in constant parts shorter than
-             `MIN_HOLD_S` (a ramp, a multisine): as ``hold``, relative to the moving reference,
-             without the steady error.
+             `MIN_HOLD_S` (a ramp, a multisine). The peak is the angle of the largest modulus; the
+             other metrics are undefined.
 ``none``     there is no reference, and every metric is undefined.
 
 A segment after rows without a reference counts as a first segment.
 
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
 ``moving`` segment. A reported ``hold`` or ``moving`` segment begins at the first change of any
-axis' reference, which excludes the take-off. ``AxisMetrics.steps`` has all segments. Undefined
-metrics are NaN.
+axis' reference after the take-off (`heli3dof.identification.row_selection`).
+``AxisMetrics.steps`` has all segments. Undefined metrics are NaN.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ import numpy as np
 
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
+from heli3dof.identification.row_selection import unusable
 from heli3dof.model.control.loop_task import under_control
 from heli3dof.recording.recording import Recording
 
@@ -123,9 +124,21 @@ def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
     The ramp of the voltages to zero at the end of the flight is left out.
     """
     flown = under_control(recording)
-    return step_metrics(
-        flown.t, flown.angle, flown.reference, resolution=flown.profile.encoder.rad_per_count
-    )
+    return metrics_in_flight(flown, flown.angle)
+
+
+def metrics_in_flight(flown: Recording, angle: FloatArray) -> Mapping[str, AxisMetrics]:
+    """Return, by axis, the step metrics of ``angle`` (N, 3) rad for the references in ``flown``.
+
+    ``angle`` is measured or simulated at the times of ``flown``, a recording under closed-loop
+    control. Its take-off is that of the recording.
+    """
+    since_s = -np.inf
+    if len(flown) > 1:
+        rows = unusable(flown)
+        since_s = float(flown.t[np.argmin(rows["table"] | rows["take_off"])])
+    resolution = flown.profile.encoder.rad_per_count
+    return step_metrics(flown.t, angle, flown.reference, resolution=resolution, since_s=since_s)
 
 
 def step_metrics(
@@ -134,19 +147,20 @@ def step_metrics(
     reference: FloatArray,
     *,
     resolution: FloatArray | None = None,
+    since_s: float = -np.inf,
 ) -> Mapping[str, AxisMetrics]:
     """Return the step metrics of measured or simulated angles by axis.
 
     ``t`` (N,) in s; ``angle`` (N, 3) in rad; ``reference`` (N, 3) in rad, before the rate limiter,
     NaN where there is none. ``resolution`` (3,) rad, the angle of one encoder count, is the least
-    half-width of the settling band.
+    half-width of the settling band. ``since_s``: the end of the take-off, s.
     """
-    changes = [_changes(reference[:, i]) for i in range(len(AXES))]
-    first = min((int(c[0]) for c in changes if len(c)), default=0)
+    changes = np.concatenate([_changes(reference[:, i]) for i in range(len(AXES))])
+    since_s = min((x for x in t[changes] if x >= since_s), default=max(t[0], since_s))
     count = np.zeros(len(AXES)) if resolution is None else np.abs(resolution)
     return {
         axis: axis_metrics(
-            t, angle[:, i], reference[:, i], since_s=float(t[first]), resolution=float(count[i])
+            t, angle[:, i], reference[:, i], since_s=float(since_s), resolution=float(count[i])
         )
         for i, axis in enumerate(AXES)
     }
@@ -167,21 +181,21 @@ def axis_metrics(
     (rad), the angle of one encoder count, is the least half-width of the settling band.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
-    segments = _segments(t, y, ref)
+
+    def since(s: _Segment) -> _Segment:
+        """Return the part of a segment from the time ``since_s`` on; all of it if that is empty."""
+        first = max(s.rows.start, int(np.searchsorted(t, since_s)))
+        return replace(s, rows=slice(first, s.rows.stop)) if first < s.rows.stop else s
+
+    segments = [since(s) if s.kind == "moving" else s for s in _segments(t, y, ref)]
     steps = tuple(_measure(t, y, ref, s, np.degrees(resolution)) for s in segments)
     for kind in ("step", "start"):
         for step in steps:
             if step.kind == kind:
                 return AxisMetrics(step, steps)
-    late = t >= since_s
-    if not segments or not late.any():
+    if not segments:
         return AxisMetrics(NOTHING, steps)
-    first = int(np.argmax(late))
-    whole = segments[0]
-    if first >= whole.rows.stop:
-        return AxisMetrics(steps[0], steps)
-    rows = slice(max(first, whole.rows.start), whole.rows.stop)
-    return AxisMetrics(_measure(t, y, ref, replace(whole, rows=rows), 0.0), steps)
+    return AxisMetrics(_measure(t, y, ref, since(segments[0]), 0.0), steps)
 
 
 def _changes(reference: FloatArray) -> IndexArray:
@@ -234,16 +248,15 @@ def _measure(
     base = StepMetrics(segment.kind, float(t[0]), float(t[-1]), segment.from_deg, segment.set_deg)
     if not np.isfinite(y).all():
         return base
-    if segment.kind in ("hold", "moving"):
-        if np.isnan(ref).all():
-            return base
-        far = int(np.nanargmax(np.abs(y - ref)))
-        error = _steady_error(t, y - ref) if segment.kind == "hold" else np.nan
+    if segment.kind == "moving":
+        return replace(base, peak_deg=float(y[np.argmax(np.abs(y))]))
+    if segment.kind == "hold":
+        far = int(np.argmax(np.abs(y - ref)))
         return replace(
             base,
             peak_deg=float(y[far]),
             overshoot_deg=float(abs(y[far] - ref[far])),
-            steady_error_deg=error,
+            steady_error_deg=_steady_error(t, y - ref),
         )
     size = segment.set_deg - segment.from_deg
     s = np.sign(size)

@@ -121,11 +121,11 @@ class Comparison(Result):
         models = dict.fromkeys(m.name for f in self.flights for m in f.models)
         lines = [
             f"Comparison of {', '.join(models) or 'no model'} with {len(self.flights)} "
-            f"recording{'s' * (len(self.flights) != 1)}; RMSE of roll, pitch, yaw in degrees:"
+            f"recording{'s' * (len(self.flights) != 1)}; RMSE of roll, pitch, yaw:"
         ]
         for f in self.flights:
             each = "; ".join(f"{m.name} {_rmse(f, m)}" for m in f.models)
-            how = "closed-loop replay" if f.why is None else "multi-step prediction"
+            how = "closed-loop replay" if f.why is None else _window(f)
             lines.append(f"  {f.recording.name}, {how}: {each}")
         return "\n".join([*lines, *verdict(self), *(f"  Warning: {w}" for w in self.warnings)])
 
@@ -144,12 +144,17 @@ class Comparison(Result):
         return optional("pandas").DataFrame(rows).set_index(["recording", "model", "axis"])
 
 
+def _window(flight: FlightComparison) -> str:
+    held = flight.constant_angles
+    return "not predicted" if held is None else f"predictions 0 to {held.window_s:g} s ahead"
+
+
 def _rmse(flight: FlightComparison, m: ModelComparison) -> str:
     """Return a model's RMSE of each axis as text; a dash where it is unknown."""
     values = m.replay_rmse_deg
     if flight.why is not None:
         values = None if m.prediction is None else m.prediction.over_window_deg
-    return "–" if values is None else ", ".join("–" if np.isnan(v) else f"{v:.2f}" for v in values)
+    return "–" if values is None else ", ".join("–" if np.isnan(v) else f"{v:.2f}°" for v in values)
 
 
 def _rows(flight: FlightComparison) -> list[dict[str, Any]]:

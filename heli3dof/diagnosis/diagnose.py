@@ -66,6 +66,7 @@ from heli3dof.parallel import report_progress
 from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.same_rig import check_same_rig
 from heli3dof.stage_clock import Progress, StageClock
 
 
@@ -102,8 +103,8 @@ def diagnose(
     reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
     ``progress`` receives progress messages.
 
-    Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown or two
-    recordings contain the same samples.
+    Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown, two
+    recordings contain the same samples, or they are of different rigs.
     """
     if base not in BASES:
         raise UsageError(
@@ -113,6 +114,7 @@ def diagnose(
         )
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
+    check_same_rig([*train, *held])
     check_distinct(train, held)
     clock = StageClock(progress)
     with report_progress(clock.counts):

@@ -196,14 +196,21 @@ class Diagnosis(Result):
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas data frame with a row per cause and parameter, in the causes' order.
 
-        Columns: ``value``, ``std``, ``score``, ``confidence``. Raises UsageError if pandas is
-        missing.
+        Formulas of unmodelled torques are the last rows: ``empirical.yaw.1: c * pitch_rate``, with
+        the parameter ``c``. Columns: ``value``, ``std``, ``score``, ``confidence``. Raises
+        UsageError if pandas is missing.
         """
+        document = self.to_dict()
+        causes = [(name_of(c), c["parameters"], c) for c in document["findings"]]
+        causes += [
+            (f"{x['term']}: {x['formula']}", x["formula_parameters"], x)
+            for x in document["leftover"]
+        ]
         rows = [
-            {"cause": name_of(cause), "parameter": name, "value": size["value"],
+            {"cause": name, "parameter": parameter, "value": size["value"],
              "std": size["std"], "score": cause["score"], "confidence": cause["confidence"]}
-            for cause in self.to_dict()["findings"]
-            for name, size in cause["parameters"].items()
+            for name, parameters, cause in causes
+            for parameter, size in parameters.items()
         ]  # fmt: skip
         columns = ["cause", "parameter", "value", "std", "score", "confidence"]
         frame = optional("pandas").DataFrame(rows, columns=columns)

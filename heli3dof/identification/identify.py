@@ -8,13 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.axes import AXES
-from heli3dof.errors import UsageError
+from heli3dof.axes import AXES, ROLL
+from heli3dof.errors import RecordingError, UsageError
 from heli3dof.identification.black_box.order_selection import INTERVALS_S
 from heli3dof.identification.feedback import feedback_test
 from heli3dof.identification.fit_result import FitResult, Request
 from heli3dof.identification.methods import known_method
-from heli3dof.identification.preprocessing import Prepared, prepare, segments
+from heli3dof.identification.preprocessing import (
+    Prepared,
+    moving_axes_only,
+    prepare,
+    segments,
+    still_axes,
+)
 from heli3dof.identification.residual_tests import ResidualTest, past_inputs, whiteness
 from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
 from heli3dof.identification.validation import WARM_UP_S, Metrics, metrics
@@ -27,6 +33,7 @@ from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.provenance import profile_file, run_command
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.safety_trip import trip_warning
+from heli3dof.recording.same_rig import check_same_rig
 from heli3dof.stage_clock import Progress, StageClock
 
 FEEDBACK_TEST_S = 0.02
@@ -79,27 +86,28 @@ def identify(
         progress: receives progress messages.
 
     Raises:
-        UsageError: an unknown method, an impossible order, or samples that are given twice.
+        UsageError: an unknown method, an impossible order, samples that are given twice, or
+            recordings of different rigs.
         RecordingError: recordings that cannot be used for a fit; names the recording and why.
     """
     about = known_method(method)
     if order is not None and not 1 <= order <= ORDER_MAX:
         raise UsageError(
-            f"--order {order} is not possible: a model has 1 to {ORDER_MAX} states.",
+            f"order {order} is not possible: a model has 1 to {ORDER_MAX} states.",
             cause="the rig itself has eight: six of its body, two of its rotors.",
-            fix="leave --order out to have it chosen",
+            fix="leave order out to have it chosen",
         )
     if order is not None and about.physical:
         raise UsageError(
-            f"--order does not apply to {method}: its states are the rig's.",
-            cause="the option belongs to the black-box methods.",
-            fix="--method pem --order …, or leave --order out",
+            f"order does not apply to {method}: its states are the rig's.",
+            cause="it belongs to the black-box methods.",
+            fix="method='pem', or leave order out",
         )
     if terms is not None and not about.physical:
         raise UsageError(
             f"{method} has no physical terms to choose from.",
-            cause="the option belongs to the grey box.",
-            fix="--method greybox --terms …, or leave --terms out",
+            cause="they belong to the grey box.",
+            fix="method='greybox', or leave terms out",
         )
     chosen = None
     if terms is not None:
@@ -107,6 +115,7 @@ def identify(
 
         chosen = chosen_terms(terms)
     train, test = _several(recordings), _several(holdout)
+    check_same_rig([*train, *test])
     check_distinct(train, test)
     clock = StageClock(progress)
     clock.start("preparation", "Selecting the rows to fit …")
@@ -122,10 +131,18 @@ def identify(
         chosen,
         tuple(partial),
     )
+    still = still_axes([*whole, *partial])
+    if still and not about.physical:
+        raise RecordingError(
+            f"{_never_change(still)}, but a black box needs three angles that move.",
+            cause="the axis is clamped, or its encoder is not connected.",
+            fix="method='greybox', or a recording in which all axes move",
+        )
     clock.start("fit", "Fitting the model …")
     with report_progress(clock.counts):
-        found = about.fit(prepared, request)
+        found = without_axes(about.fit(prepared, request), still)
     method = found.method or method
+    prepared = replace(prepared, recordings=tuple(map(moving_axes_only, prepared.recordings)))
     warnings = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
     if about.assumes_open_loop and feedback.present:
         warnings.append(OPEN_LOOP_WARNING)
@@ -145,6 +162,35 @@ def identify(
     )
 
 
+def without_axes(found: FitResult, still: Sequence[str]) -> FitResult:
+    """Return the fit without parameters and transfer functions of the axes ``still``.
+
+    These axes did not move. The model has the profile's values for them; a warning states this.
+    """
+    if not still:
+        return found
+    fixed = [f"J_{a}" for a in still] + ["T_g"] * (AXES[ROLL] in still)
+    kept = [n for n in found.parameters if n not in fixed]
+    rows = [list(found.parameters).index(n) for n in kept]
+    transfer, R = found.transfer, found.correlation
+    verdicts = {found.parameters[n].verdict for n in found.parameters if n in fixed}
+    return replace(
+        found,
+        parameters={n: found.parameters[n] for n in kept},
+        correlation=None if R is None else R[np.ix_(rows, rows)],
+        transfer=None if transfer is None else replace(transfer, still=tuple(still)),
+        warnings=(
+            f"{_never_change(still)}: {', '.join(fixed)} {'is' if len(fixed) == 1 else 'are'} "
+            "fixed at the profile's values.",
+            *(w for w in found.warnings if w not in verdicts),
+        ),
+    )
+
+
+def _never_change(still: Sequence[str]) -> str:
+    return f"{' and '.join(still)} never change{'s' * (len(still) == 1)} in these recordings"
+
+
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
     """Return two residual tests on held-out data: for whiteness, and independence of past voltages.
 
@@ -156,7 +202,11 @@ def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, 
         if len(e) > settle + TEST_ROWS:
             E.append(e[settle:])
             U.append(u[settle:])
-    return (whiteness(E), past_inputs(E, U)) if E else ()
+    if not E:
+        return ()
+    moving = np.all([np.isfinite(e).any(axis=0) for e in E], axis=0)
+    E = [e[:, moving] for e in E]
+    return whiteness(E), past_inputs(E, U)
 
 
 def recording_warnings(prepared: Prepared) -> list[str]:

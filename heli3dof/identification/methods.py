@@ -62,7 +62,7 @@ class Method:
                 f"The method {self.name} returned a {type(result).__name__}; "
                 "a method returns a FitResult.",
                 cause=f"its function, {self.function}, is incomplete.",
-                fix="read heli3dof/identification/fit_result.py, or use --method greybox",
+                fix="read heli3dof/identification/fit_result.py, or use method='greybox'",
             )
         return result
 
@@ -133,5 +133,5 @@ def known_method(name: str) -> Method:
     raise UsageError(
         f"There is no method {name!r}.",
         cause=f"a typing error; {did_you_mean(name, methods())}",
-        fix="--method with one of " + ", ".join(methods()),
+        fix="one of " + ", ".join(methods()),
     )

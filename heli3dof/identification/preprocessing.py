@@ -18,7 +18,7 @@ angular acceleration q̈, the interpolation error is at most |q̈| g²/8: 0.01°
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -186,6 +186,20 @@ def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = 
         )
     _check_length(train, dt, reports[:n])
     return Prepared(everything, tuple(train), tuple(test), tuple(reports), dt, split)
+
+
+def moving_axes_only(recording: Recording) -> Recording:
+    """Return the recording with NaN for every angle that never changes: a clamped axis."""
+    still = (recording.angle == recording.angle[0]).all(axis=0)
+    if not still.any():
+        return recording
+    return replace(recording, angle=np.where(still, np.nan, recording.angle))
+
+
+def still_axes(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return the axes whose angle is not measured, or never changes, in any of the recordings."""
+    moving = {a for r in recordings for a in moving_axes_only(r).axes}
+    return tuple(a for a in AXES if a not in moving)
 
 
 def segments(

@@ -13,12 +13,14 @@ front and to the back motor. There are five simplifications:
 * a real pole beyond the grid moves to infinity: a lag shorter than 10 ms, or than 0.4 sampling
   intervals if that is longer,
 * a pole and a zero cancel,
-* the roots of a factor move to the origin, if its coefficients are zero within two standard
-  deviations.
+* the roots of a factor, or of two real factors, move to the origin, if the coefficients of the
+  factor or of the product are zero within two standard deviations.
 
 After each simplification the gain k is fitted again. Factors move to the origin only after no other
-simplification is possible. If several simplifications are possible, the one with the smallest
-maximum of |H − G|/limit over the grid is applied.
+simplification is possible. If they are of the denominator, 1/H and 1/G are compared, with the
+standard deviation σ/|G|² of 1/G, which is linear in the denominator's coefficients. If several
+simplifications are possible, the one with the smallest maximum of |H − G|/limit over the grid is
+applied.
 `heli3dof.identification.factored_transfer_function` defines k and the factors with the coefficients
 a, b, c.
 
@@ -32,6 +34,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -59,7 +62,7 @@ SIGMAS = 2.0
 def factored(
     transfer: TransferFunctions, interval_s: float | None = None, poles: Sequence[Pole] = ()
 ) -> tuple[FactoredTransferFunction, ...]:
-    """Return the six simplified transfer functions from the voltages to the angles, in factors.
+    """Return the simplified transfer functions from the voltages to the angles, in factors.
 
     The inputs are the sum and the difference of the voltages. The result is sorted by angle (roll,
     pitch, yaw), then by input (sum, difference). ``interval_s``: the sampling interval of the fit.
@@ -69,7 +72,7 @@ def factored(
     """
     highest = HIGHEST if interval_s is None else min(HIGHEST, NYQUIST_SHARE * np.pi / interval_s)
     s = 1j * np.geomspace(LOWEST, highest, POINTS)
-    channels = [_Channel(transfer, i, name, s, poles) for i in range(len(AXES)) for name in INPUTS]
+    channels = [_Channel(transfer, i, name, s, poles) for i in transfer.shown for name in INPUTS]
     return tuple(c.simplified() for c in channels)
 
 
@@ -123,7 +126,16 @@ class _Channel:
         while (nearest := self.nearest(_shorter(H, abs(self.s[-1])))) is not None:
             H = nearest
         H = self.with_std(H)
-        while (nearest := self.nearest(_at_origin(H))) is not None:
+
+        def with_moved_poles(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
+            return (replace(H, denominator=moved) for moved in _at_origin(H.denominator))
+
+        def with_moved_zeros(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
+            return (replace(H, numerator=moved) for moved in _at_origin(H.numerator))
+
+        while (nearest := self.nearest(with_moved_poles(H), poles=True)) is not None:
+            H = self.with_std(nearest)
+        while (nearest := self.nearest(with_moved_zeros(H))) is not None:
             H = self.with_std(nearest)
         return H
 
@@ -160,28 +172,33 @@ class _Channel:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]
 
-    def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
+    def refitted(
+        self, H: FactoredTransferFunction, *, poles: bool = False
+    ) -> tuple[FactoredTransferFunction, float]:
         """Return H with its gain fitted to the response G, and the largest |H − G|/``limit``.
 
         The largest value is that over all frequencies; above 1, H differs significantly from G. The
-        gain is fitted by least squares with the weights 1/``limit``².
+        gain is fitted by least squares with the weights 1/``limit``². ``poles``: H and G differ in
+        poles, so compare 1/H with 1/G.
         """
         shape = replace(H, gain=1.0).at(self.s, self._values)
         w = 1 / self.limit**2
         gain = float(np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2))
-        deviation = float(np.max(np.abs(gain * shape - self.G) / self.limit))
-        return replace(H, gain=gain), deviation
+        deviation = np.abs(gain * shape - self.G) / self.limit
+        if poles:
+            deviation *= np.abs(self.G / (gain * shape))
+        return replace(H, gain=gain), float(deviation.max())
 
     def nearest(
-        self, candidates: Iterator[FactoredTransferFunction]
+        self, candidates: Iterator[FactoredTransferFunction], *, poles: bool = False
     ) -> FactoredTransferFunction | None:
         """Return the candidate nearest to the fitted response G, with its gain refitted.
 
         Nearest means: with the smallest maximum of |H − G|/``limit`` over the frequencies. The
-        result is None if this maximum exceeds 1 for every candidate.
+        result is None if this maximum exceeds 1 for every candidate. ``poles``: as in `refitted`.
         """
         best, least = None, 1.0
-        for H, deviation in map(self.refitted, candidates):
+        for H, deviation in (self.refitted(H, poles=poles) for H in candidates):
             if deviation <= least:
                 best, least = H, deviation
         return best
@@ -267,23 +284,32 @@ def _degree(factors: Sequence[Factor]) -> int:
     return sum(len(f.coefficients) for f in factors)
 
 
-def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield the simplifications of H in which the roots of one factor are moved to 0.
+def _at_origin(factors: tuple[Factor, ...]) -> Iterator[tuple[Factor, ...]]:
+    """Yield the factors of a numerator or denominator with the roots of one factor moved to 0.
 
     This applies to each factor s + a or s² + b s + c with a, or b and c, within `SIGMAS` standard
-    deviations of 0.
+    deviations of 0. It also applies to the product of two factors s + a, because the delta method
+    gives no valid standard deviation of the roots ±√−k of s² + k near k = 0 (`_product`).
     """
     zero = Factor((0.0,), (0.0,))
-    for factors in (H.numerator, H.denominator):
-        for i, f in enumerate(factors):
-            near = (abs(c) <= SIGMAS * s for c, s in zip(f.coefficients, f.std, strict=True))
-            if any(f.coefficients) and all(near):
-                moved = (*factors[:i], *[zero] * len(f.coefficients), *factors[i + 1 :])
-                yield (
-                    replace(H, numerator=moved)
-                    if factors is H.numerator
-                    else replace(H, denominator=moved)
-                )
+    real = [i for i, f in enumerate(factors) if len(f.std) == 1 and any(f.coefficients)]
+    products = {ij: _product(*(factors[i] for i in ij)) for ij in combinations(real, 2)}
+    for which, f in ({(i,): f for i, f in enumerate(factors)} | products).items():
+        near = (abs(c) <= SIGMAS * s for c, s in zip(f.coefficients, f.std, strict=True))
+        if any(f.coefficients) and all(near):
+            others = (g for i, g in enumerate(factors) if i not in which)
+            yield (*others, *[zero] * len(f.coefficients))
+
+
+def _product(f: Factor, g: Factor) -> Factor:
+    """Return (s + a₁)(s + a₂) as s² + b s + c, with upper bounds of the standard deviations.
+
+    From b = a₁ + a₂, c = a₁ a₂ and |cov(a₁, a₂)| ≤ σ₁ σ₂ follow σ_b ≤ σ₁ + σ₂ and
+    σ_c ≤ |a₁| σ₂ + |a₂| σ₁. For a pair ±√−k, c = k, and this bound is the standard deviation of k:
+    σ₁ = σ₂ = σ_k/(2√−k).
+    """
+    (a1,), (a2,), (s1,), (s2,) = f.coefficients, g.coefficients, f.std, g.std
+    return Factor((a1 + a2, a1 * a2), (s1 + s2, abs(a1) * s2 + abs(a2) * s1))
 
 
 def _factor(root: complex) -> Factor:

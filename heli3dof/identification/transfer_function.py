@@ -34,6 +34,8 @@ class TransferFunctions:
     num: np.ndarray
     den: np.ndarray
     covariance: np.ndarray | None = None
+    still: tuple[str, ...] = ()
+    """Axes that did not move in the recordings: their transfer functions are not shown."""
 
     @property
     def std(self) -> tuple[np.ndarray, np.ndarray]:
@@ -43,6 +45,11 @@ class TransferFunctions:
             return np.full(self.num.shape, np.nan), np.full(k, np.nan)
         std = np.sqrt(np.maximum(np.diag(self.covariance), 0))
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
+
+    @property
+    def shown(self) -> list[int]:
+        """Return the indices of the axes that moved."""
+        return [i for i, axis in enumerate(AXES) if axis not in self.still]
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
         """Return (zero, standard deviation) in rad/s for each zero of num[axis, motor].
@@ -66,11 +73,11 @@ class TransferFunctions:
         return out
 
     def lines(self) -> list[str]:
-        """Return six lines of text, each of them a transfer function in degrees/V."""
+        """Return lines of text, each of them a transfer function in degrees/V."""
         den = polynomial(self.den)
         out = []
         for j in range(2):
-            for i in range(3):
+            for i in self.shown:
                 num = polynomial(self.num[i, j] * DEGREES, float(np.abs(self.num[i]).max()))
                 out.append(f"T(s)_{{{j + 1},{i + 1}}} = ({num}) / ({den})")
         return out
@@ -80,11 +87,11 @@ class TransferFunctions:
         num_std, den_std = self.std
         entries = []
         for j, motor in enumerate(MOTORS):
-            for i, axis in enumerate(AXES):
+            for i in self.shown:
                 entries.append(
                     {
                         "input": f"v_{motor}_V",
-                        "output": f"{axis}_deg",
+                        "output": f"{AXES[i]}_deg",
                         "numerator": (self.num[i, j] * DEGREES).tolist(),
                         "numerator_std": (num_std[i, j] * DEGREES).tolist(),
                         "zeros": [

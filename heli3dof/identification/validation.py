@@ -93,12 +93,13 @@ class Metrics:
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
-    Rows with a NaN are skipped. Each pair has its own mean ȳ in the fit (see the module). The fit
-    is NaN if the measured angle is constant.
+    Rows with a NaN are skipped, except on axes that are NaN throughout. Each pair has its own mean
+    ȳ in the fit (see the module). The fit is NaN if the measured angle is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
-        ok = np.isfinite(y).all(axis=1) & ~np.isnan(predicted).any(axis=1)
+        measured = np.isfinite(y).any(axis=0)
+        ok = (np.isfinite(y) & ~np.isnan(predicted))[:, measured].all(axis=1)
         if not ok.any():
             continue
         error += ((y - predicted)[ok] ** 2).sum(axis=0)
@@ -118,14 +119,14 @@ def predictions(
     """Return measured and predicted angles (N, 3) rad for each run of usable rows.
 
     ``runs`` are ranges of usable rows of the recordings in ``prepared``. The predictions are
-    ``horizon_s`` (s) ahead. They are NaN until the filter has settled.
+    ``horizon_s`` (s) ahead; 0: one sample. They are NaN until the filter has settled.
     """
     out = []
     for run in runs:
         recording = prepared.recordings[run.source]
         lead = _lead_in(prepared, run, round(LEAD_IN_S / prepared.dt))
         part = recording.rows(slice(run.start - lead, run.stop))
-        predicted = model.predict(part, horizon_s)[lead:].copy()
+        predicted = model.predict(part, horizon_s or part.dt)[lead:].copy()
         settle = round((WARM_UP_S + horizon_s) / prepared.dt) - lead
         if settle > 0:
             predicted[:settle] = np.nan

@@ -104,7 +104,8 @@ class Model(Protocol):
         """Return predicted angles (N, 3) rad; row k predicts ``angle[k]`` ``horizon_s`` s ahead.
 
         Row k uses the angles up to ``horizon_s`` s before it, and the voltages of all rows before
-        k. The first rows, and axes that the model does not contain, are NaN.
+        k. The first rows, and axes that the model does not contain, are NaN. Raises UsageError
+        unless ``horizon_s`` is positive.
         """
         ...
 
@@ -121,12 +122,13 @@ class Model(Protocol):
         ...
 
 
-def checked_interval(dt: float) -> float:
-    """Return the sampling interval ``dt`` (s); raise UsageError if it is not positive."""
-    if not 0 < dt < float("inf"):
+def checked_time(seconds: float, name: str) -> float:
+    """Return the argument ``name`` of ``seconds`` s; raise UsageError if it is not positive."""
+    if not 0 < seconds < float("inf"):
         raise UsageError(
-            f"dt is {dt}; it must be positive.",
-            cause="a wrong sign, or 0 for continuous time.",
-            fix="dt in seconds, above 0; or in_continuous_time=True",
+            f"{name} is {seconds}; it must be positive.",
+            cause="a wrong sign, or 0.",
+            fix=f"{name} in seconds, above 0"
+            + ("; or in_continuous_time=True" if name == "dt" else ""),
         )
-    return dt
+    return seconds

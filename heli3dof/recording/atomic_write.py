@@ -156,7 +156,7 @@ def _check_name(path: Path, *, force: bool) -> None:
         raise OutputExists(
             f"{path} exists and was not overwritten.",
             cause="an earlier run wrote it.",
-            fix=f"another name with -o, or --force to replace {path.name}",
+            fix=f"another output, or force=True to replace {path.name}",
         )
     if not path.parent.is_dir():
         raise UsageError(

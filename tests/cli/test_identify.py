@@ -106,7 +106,10 @@ def test_terms_are_added_and_removed_by_name(tmp_path: Path) -> None:
         result = heli3dof(*words, "--terms", wrong)
         assert result.code == 2
         assert hint in result.err
-    assert heli3dof(*words, "--order", "8").code == 2
+    refused = heli3dof(*words, "--order", "8")
+    assert refused.code == 2
+    assert refused.document["fix"] == "--method pem, or leave order out"
+    assert "Try: --method pem, or" in refused.err
     assert heli3dof(*words, "--method", "pem", "--terms", "motor.lag").code == 2
 
 

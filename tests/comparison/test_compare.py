@@ -8,7 +8,7 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.batch.analyses import ANALYSES
-from heli3dof.comparison.compare import compare
+from heli3dof.comparison.compare import compare, compare_flight
 from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS
 from heli3dof.comparison.prediction import ConstantAngles, predictions, rmse_deg
@@ -157,7 +157,7 @@ def test_predictions_through_table_and_take_off_do_not_count() -> None:
     first = int(np.flatnonzero(rows_in_flight(whole))[0])
     assert 0.5 < whole.t[first] < 5.0
     airborne = whole.rows(slice(first, None))
-    one, other = compare([whole, airborne], []).flights
+    one, other = (compare_flight(r, []) for r in (whole, airborne))
     assert one.constant_angles is not None
     assert other.constant_angles is not None
     for h, error in one.constant_angles.ahead_deg.items():

@@ -19,9 +19,13 @@ from heli3dof.comparison.metrics import (
     flight_metrics,
     step_metrics,
 )
+from heli3dof.experiment.plan import step_plan
+from heli3dof.experiment.simulate import simulate
+from heli3dof.model.linear.hover import hover_model
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RAMP_DOWN
+from heli3dof.rig.profile import default_profile
 
 T = np.arange(0, 20, 0.002)
 
@@ -145,12 +149,24 @@ def test_a_square_wave_gives_every_step_and_reports_the_first_commanded_one() ->
     assert [s.overshoot_percent for s in m.steps[1:]] == pytest.approx([16.303] * 3, abs=0.01)
 
 
-def test_a_moving_reference_has_a_largest_difference_and_nothing_else() -> None:
-    ramp = np.radians(T)
-    m = axis_metrics(T, ramp + np.radians(np.where(T > 10, 4.0, 1.0)), ramp).reported
+def test_a_moving_reference_has_a_peak_and_nothing_else() -> None:
+    wave = np.radians(10 * np.sin(T))
+    m = axis_metrics(T, 1.2 * wave - np.radians(1.0), wave).reported
     assert m.kind == "moving"
-    assert m.overshoot_deg == pytest.approx(4.0)
-    assert np.isnan([m.steady_error_deg, m.rise_time_s, m.settling_time_s]).all()
+    assert m.peak_deg == pytest.approx(-13.0, abs=1e-4)
+    assert {name for name, value in m.values().items() if np.isfinite(value)} == {"peak_deg"}
+
+
+def test_the_take_off_does_not_count_for_a_reference_that_moves_from_the_start() -> None:
+    plan = step_plan((5.0, None, 20.0), settle_s=6.0, duration_s=6.0)
+    flown = simulate(plan, hover_model(default_profile()))
+    assert np.degrees(flown.angle[0, 0]) < -20
+    moving = np.radians(2 * np.sin(flown.t))[:, None] * np.ones(3)
+    roll = flight_metrics(replace(flown, reference=moving))["roll"]
+    for m in (roll.reported, *roll.steps):
+        assert m.kind == "moving"
+        assert m.start_s >= 3.0
+        assert 5.0 < m.peak_deg < 10.0
 
 
 def test_without_a_reference_nothing_is_defined() -> None:

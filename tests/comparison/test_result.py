@@ -23,8 +23,8 @@ def comparison() -> Comparison:
 def test_the_repr_is_three_lines_with_each_models_errors(comparison: Comparison) -> None:
     first, second, third = repr(comparison).splitlines()
     assert first.startswith("Comparison of hover, weak with 2 recordings")
-    assert second.startswith("  one, closed-loop replay: hover 0.00, 0.00, 0.00; weak ")
-    assert third.startswith("  two, multi-step prediction: hover ")
+    assert second.startswith("  one, closed-loop replay: hover 0.00°, 0.00°, 0.00°; weak ")
+    assert third.startswith("  two, predictions 0 to 3 s ahead: hover ")
 
 
 def test_the_summary_has_a_dash_for_an_axis_without_an_error() -> None:

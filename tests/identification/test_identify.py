@@ -212,7 +212,7 @@ def test_an_unknown_method_names_the_nearest() -> None:
 
 @pytest.mark.parametrize("order", [0, 21])
 def test_an_impossible_order_is_rejected(order: int) -> None:
-    with pytest.raises(UsageError, match=f"--order {order}"):
+    with pytest.raises(UsageError, match=f"^order {order} "):
         identify(flight(seconds=6), order=order)
 
 
@@ -221,6 +221,34 @@ def test_a_one_angle_recording_is_rejected() -> None:
     rec.angle[:, 1:] = np.nan
     with pytest.raises(RecordingError, match="roll, but not pitch, yaw"):
         identify(rec)
+
+
+@pytest.mark.parametrize("method", ["greybox", "freeflight"])
+def test_a_clamped_axis_keeps_the_profile_s_values(
+    method: str, flights: tuple[Recording, list[Recording]]
+) -> None:
+    angle = flights[0].angle * [0.0, 1.0, 0.0]
+    clamped = replace(flights[0], angle=angle)
+    found = identify_any(clamped, method=method)
+    p = clamped.profile
+    body = {"T_g": p.trim_torque, "J_roll": p.inertias[0], "J_yaw": p.inertias[2]}
+    for name, value in body.items():
+        assert found.model.parameters[name] == pytest.approx(value)
+        assert name not in found.found.parameters
+    assert "J_pitch" in found.found.parameters
+    assert not any("roll" in name or "yaw" in name for name in found.found.parameters)
+    assert {f.output for f in found.factored} == {"pitch"}
+    outputs = found.to_dict()["transfer_function"]["entries"]
+    assert {e["output"] for e in outputs} == {"pitch_deg"}
+    about = [w for w in found.warnings if "roll" in w or "yaw" in w or "bound" in w]
+    assert about == [
+        "roll and yaw never change in these recordings: J_roll, J_yaw, T_g are fixed at the "
+        "profile's values."
+    ]
+    assert np.isfinite(found.metrics.prediction[0.5].fit_percent).tolist() == [False, True, False]
+    assert found.model.extra["recordings"][0]["sha256"] == clamped.digest
+    with pytest.raises(RecordingError, match="roll and yaw never change"):
+        identify(clamped)
 
 
 def test_held_out_motion_far_beyond_the_training_data_gets_a_warning() -> None:

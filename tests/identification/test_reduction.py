@@ -124,6 +124,25 @@ def test_a_pair_within_two_standard_deviations_of_the_origin_is_a_double_integra
     assert [len(f.coefficients) for f in exact.denominator] == [2]
 
 
+@pytest.mark.parametrize(
+    ("k_std", "printed"),
+    [(0.0066, "/ [s² (s+86.0±1.0)]"), (0.0020, "/ [(s+0.1080±0.0090) (s−0.1150±0.0090)")],
+)
+def test_a_mirrored_pair_of_real_poles_is_judged_by_the_stiffness(
+    k_std: float, printed: str
+) -> None:
+    """Poles ±√−k: a stiffness k within two standard deviations of 0 leaves a double integrator."""
+    stable, unstable, lag = -0.108, 0.115, -86.0
+    std = k_std / (2 * np.sqrt(-stable * unstable))
+    poles = [Pole(stable, std, 0.0), Pole(unstable, std, 0.0), Pole(lag, 1.0, 0.0)]
+    tf = transfer([100.0], list(np.poly([stable, unstable, lag])), None)
+    slopes = np.zeros((2, len(tf.den) - 1 + tf.num.size))
+    slopes[:, :3] = [1.0, -lag, 0.0], [0.0, 1.0, -lag]  # of (s² + b s + k)(s + 86), by b and by k
+    covariance = slopes.T @ np.diag([0.005**2, k_std**2]) @ slopes
+    found = factored(TransferFunctions(tf.num, tf.den, covariance), poles=poles)[0]
+    assert printed in str(found)
+
+
 def test_a_reduced_transfer_function_stays_strictly_proper() -> None:
     """Both poles beyond the grid, 4000 and 5000 rad/s, could go; two zeros remain."""
     tf = transfer(list(2e7 * np.poly([-2.0, -3.0])), list(np.poly([-1.0, -4e3, -5e3])), None)

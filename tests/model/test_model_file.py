@@ -86,7 +86,7 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
     before = path.read_bytes()
     with pytest.raises(OutputExists) as caught:
         save_model(in_another_basis(HOVER), path)
-    assert "--force" in caught.value.fix
+    assert "force=True" in caught.value.fix
     assert path.read_bytes() == before
     save_model(in_another_basis(HOVER), path, force=True)
     assert path.read_bytes() != before

@@ -206,7 +206,7 @@ def search(
         raise RecordingError(
             f"No {method} model can be fitted to these recordings ({reasons}).",
             cause="too little data or motion for this order.",
-            fix="heli3dof run multisine for 60 s or more, or a lower --order",
+            fix="heli3dof run multisine for 60 s or more, or a lower order",
         )
     best = max(c.score for c, _ in usable)
     near = [(c, f) for c, f in usable if c.score >= best - SCORE_TOLERANCE]

@@ -39,9 +39,9 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     """
     if request.order not in (None, 4):
         raise UsageError(
-            f"--method tf4 has order 4, not {request.order}.",
+            f"tf4 has order 4, not {request.order}.",
             cause="it is the paper's form, eq (17), with a fourth-order denominator.",
-            fix=f"--method pem --order {request.order}",
+            fix=f"method='pem', order={request.order}",
         )
     d = decimated(prepared, prepared.train, INTERVAL_S)
     fitted = fit_tf4(d.data, d.interval_s)

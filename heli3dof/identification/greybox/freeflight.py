@@ -23,9 +23,10 @@ import numpy as np
 from heli3dof.errors import RecordingError
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.linear_uncertainty import fit_result
+from heli3dof.identification.greybox.method import moving_terms
 from heli3dof.identification.greybox.multistep import WINDOW_S, MultiStep, MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
-from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.preprocessing import Prepared, moving_axes_only
 from heli3dof.identification.row_selection import rows_in_flight, runs_of, unusable
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import (
@@ -99,7 +100,7 @@ LEAST_STARTS = 2
 METHOD = "freeflight"
 INSTEAD = (
     f"Fitted to free-run predictions of up to 3 s instead (method {METHOD}); "
-    "--method greybox --terms NAME,… forces the likelihood."
+    "method='greybox' with terms='NAME,…' forces the likelihood."
 )
 
 
@@ -110,8 +111,10 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     """
     sources = sorted({r.source for r in prepared.train})
     whole = [prepared.recordings[i] for i in sources]
-    several = [_cut(r, prepared.train, i) for r, i in zip(whole, sources, strict=True)]
-    found = fit_freeflight(several, request.terms or REAL_TERMS)
+    several = [
+        moving_axes_only(_cut(r, prepared.train, i)) for r, i in zip(whole, sources, strict=True)
+    ]
+    found = fit_freeflight(several, moving_terms(request.terms or REAL_TERMS, whole))
     fitted = [r for r, _ in flights_to_fit(several)]
     used = [r for r, part in zip(whole, several, strict=True) if any(part is f for f in fitted)]
     model = model_of(found, used, request.name)
@@ -176,7 +179,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
         raise RecordingError(
             f"There are fewer than {LEAST_WINDOWS} windows of {WINDOW_S:.0f} s in flight to fit.",
             cause="the recordings are short, or spend their time on the table or at a stop.",
-            fix="heli3dof info on the recordings, or --method greybox --terms NAME,…",
+            fix="heli3dof info on the recordings, or method='greybox' with terms",
         )
     data, rows = [], []
     for r, _ in flights:

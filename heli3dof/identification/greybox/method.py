@@ -24,7 +24,11 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.linear_uncertainty import fit_result
 from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.structure_test import with_simplifications
-from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.preprocessing import (
+    Prepared,
+    moving_axes_only,
+    still_axes,
+)
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import RowRange, data_of
@@ -58,11 +62,12 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     allows, simulated flights correct the bias of the fit (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
-    several = [*prepared.recordings, *request.partial]
+    given = [*prepared.recordings, *request.partial]
+    several = [moving_axes_only(r) for r in given]
     runs: list[RowRange] = list(prepared.train)
     for i, recording in enumerate(request.partial, start=len(prepared.recordings)):
         runs += usable_runs(recording, i)
-    structure = Structure(prepared.recordings[0].profile, terms(chosen))
+    structure = Structure(given[0].profile, terms(moving_terms(chosen, given)))
     problem = Likelihood(data_of(several, runs), structure)
     compile_first(problem)
     found = estimate(problem)
@@ -70,7 +75,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         found = with_simplifications(found)
     found = without_bias(found, several)
     sources = sorted({r.source for r in runs})
-    model = model_of(found, [several[i] for i in sources], request.name)
+    model = model_of(found, [given[i] for i in sources], request.name)
     return fit_result(
         found,
         model,
@@ -79,6 +84,12 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         warnings=warnings(found),
         notes=(*(t.effect.summary for t in found.structure.formal), *correction_note(found)),
     )
+
+
+def moving_terms(names: Sequence[str], recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return the terms called ``names``, without those on an axis that moves in no recording."""
+    still = still_axes(recordings)
+    return tuple(t.name for t in terms(names) if t.axis not in still)
 
 
 def has_jitter(recording: Recording) -> bool:

@@ -52,7 +52,8 @@ WINDOW_S = 3.0
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.15
 """Prior standard deviations: `RATIO_STD` of ln(J_pitch/J_roll) and of ln(J_yaw/J_roll),
-`COMMON_STD` of ln J_roll. The J are moments of inertia."""
+`COMMON_STD` of ln J_roll. The J are moments of inertia. If roll does not move, the next axis takes
+its place."""
 DIFFERENCE = 1e-3
 """Step of the finite differences, in the scaled parameters z"""
 SETTLED = 0.03
@@ -132,14 +133,15 @@ class MultiStep:
             std.append(given if as_given else given / f.slope(mean))
         L = np.zeros((self.dim, self.dim))
         L[: self.n, : self.n] = np.diag(1 / np.square(std))
-        r, p, y = (self.structure.names.index(f"J_{a}") for a in AXES)
-        for j in (r, p, y):
+        moves = np.any([f.free for f in self.flights], axis=0)
+        first, *others = (self.structure.names.index(f"J_{AXES[i]}") for i in np.flatnonzero(moves))
+        for j in (first, *others):
             L[j, j] = 0.0
-        for j in (p, y):
+        for j in others:
             d = np.zeros(self.dim)
-            d[j], d[r] = 1.0, -1.0
+            d[j], d[first] = 1.0, -1.0
             L += np.outer(d, d) / RATIO_STD**2
-        L[r, r] += 1 / COMMON_STD**2
+        L[first, first] += 1 / COMMON_STD**2
         for i in range(len(self.flights)):
             for b, j in enumerate(self.own):
                 d = np.zeros(self.dim)

@@ -14,9 +14,12 @@ only one ratio deviates from 1, k stays near 1. k, estimated by exp(mean of ln k
 and inertias to SI.
 
 Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning
-reports a deviation of K_f if
+reports a deviation of K_f if it is beyond the tolerance, and no deviation is excluded:
 
-    |ln k| − |e| > `SCALE_QUANTILE` σ_k        σ_k: standard deviation of ln k
+    |ln k| > |e|,    |ln k| > `SCALE_QUANTILE` σ_k        σ_k: standard deviation of ln k
+
+The estimate is cautious: if all x_i deviate by one factor, |ln k| is smaller than ln of this
+factor. So parameters that are each within the tolerance cause no warning.
 """
 
 from __future__ import annotations
@@ -69,12 +72,10 @@ class ThrustScale:
     def is_off(self, tolerance: float) -> bool:
         """Return True if the thrust gain deviates from the profile's by more than ``tolerance``.
 
-        The deviation must be significant. Let k be the ratio of the thrust gain to the profile's.
-        ln k must be outside the limits ln(1 ± ``tolerance``), by more than `SCALE_QUANTILE`
-        standard deviations of ln k.
+        The deviation ln k must be significant, that is, above `SCALE_QUANTILE` standard deviations.
         """
         ln_k = float(np.log(self.k))
-        return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
+        return abs(ln_k) > max(abs(edge(ln_k, tolerance)), SCALE_QUANTILE * self.std)
 
 
 def edge(x: float, tolerance: float) -> float:

@@ -34,7 +34,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
         f"the model {model.name!r}",
         _cause(model),
         "fly another gain ([controller] K in the profile) or check it on the corrected model "
-        "(--model hover)",
+        "(model='hover')",
     )
     if isinstance(model, LinearModel) and model.physical_state:
         _check(

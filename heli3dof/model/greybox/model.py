@@ -20,7 +20,7 @@ import numpy as np
 
 from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.errors import UsageError
-from heli3dof.model.base import LoopResult, LoopTask, checked_interval
+from heli3dof.model.base import LoopResult, LoopTask, checked_time
 from heli3dof.model.effects import PlugIn, broken, plug_ins, term, terms
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics.parametrisation import Structure
@@ -98,7 +98,7 @@ class GreyBoxModel:
         """Return the angles (N, 3) rad predicted ``horizon_s`` s ahead (`greybox.prediction`)."""
         from heli3dof.model.greybox.prediction import predict
 
-        return predict(self, recording, horizon_s)
+        return predict(self, recording, checked_time(horizon_s, "horizon_s"))
 
     def linear(self, dt: float | None = None) -> LinearModel:
         """Return the linearised model at hover, sampled every ``dt`` s (None: control period)."""
@@ -118,7 +118,7 @@ class GreyBoxModel:
         from heli3dof.model.discretisation import to_control
         from heli3dof.model.greybox.linearisation import linear
 
-        model, states = linear(self, self.profile.dt if dt is None else checked_interval(dt))
+        model, states = linear(self, self.profile.dt if dt is None else checked_time(dt, "dt"))
         return to_control(model, in_continuous_time=in_continuous_time, states=states)
 
     def to_dict(self) -> dict[str, Any]:

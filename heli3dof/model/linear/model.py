@@ -19,7 +19,7 @@ import numpy as np
 from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.model.base import LoopResult, LoopTask, checked_interval
+from heli3dof.model.base import LoopResult, LoopTask, checked_time
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec, Profile, recorded_profile
 
@@ -89,7 +89,7 @@ class LinearModel:
         (field `exact_hold`). Any other model is returned unchanged if ``dt`` is within 1 % of the
         model's interval. Otherwise raises RecordingError; for ``dt`` ≤ 0, UsageError.
         """
-        off = abs(checked_interval(dt) / self.dt - 1)
+        off = abs(checked_time(dt, "dt") / self.dt - 1)
         if self.exact_hold and off > 1e-9:
             from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
@@ -137,7 +137,7 @@ class LinearModel:
         """Return the angles (N, 3) rad predicted ``horizon_s`` s ahead; see `linear.prediction`."""
         from heli3dof.model.linear.prediction import predict
 
-        return predict(self, recording, horizon_s)
+        return predict(self, recording, checked_time(horizon_s, "horizon_s"))
 
     def continuous(self) -> Continuous:
         """Return the continuous-time model; see `heli3dof.model.discretisation.continuous`."""

@@ -148,22 +148,24 @@ def _refuse(
     """
     axis, unit, counts = _of_column(name, profile)
     other = OTHER[unit]
+    largest = float(np.abs(values).max())
+    too_large = axis != "yaw" and largest > TURN[unit] / 2
+    too_far = ratio is not None and ratio > (COUNTS_FACTOR if unit == "deg" else NEWTON_FACTOR)
+    if (unit == "rad" or too_large or too_far) and on_grid(values, 1, levels=10):
+        to_unit = f"{TURN[unit] / counts:.6g}"
+        raise RecordingError(
+            f"{source}: {name} contains whole numbers up to {largest:.6g}, which are not "
+            f"{FULL_NAME[unit]}.",
+            cause=f"raw encoder counts ({counts} per revolution).",
+            fix=f"multiply them by {to_unit} (and by the encoder's sign): "
+            + as_options({name: f"{to_unit}*{logged}"}),
+        )
     if on_grid(values, TURN[other] / counts, levels=4):
         raise wrong_unit(
             source, name,
             f"its values lie on the encoder's grid in {FULL_NAME[other]} "
             f"({TURN[other] / counts:.6f} per count), not in {FULL_NAME[unit]}",
         )  # fmt: skip
-    largest = float(np.abs(values).max())
-    too_large = axis != "yaw" and largest > TURN[unit] / 2
-    too_far = ratio is not None and ratio > (COUNTS_FACTOR if unit == "deg" else NEWTON_FACTOR)
-    if unit == "deg" and (too_large or too_far) and on_grid(values, 1, levels=10):
-        raise RecordingError(
-            f"{source}: {name} contains whole numbers up to {largest:.6g}, which are not degrees.",
-            cause=f"raw encoder counts ({counts} per revolution).",
-            fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign): "
-            + as_options({name: f"{360 / counts:.6g}*{logged}"}),
-        )
     if unit == "deg" and too_large:
         raise RecordingError(
             f"{source}: {name} reaches {largest:.6g}°, more than the axis can turn.",

@@ -63,5 +63,6 @@ def make_recording(
         raise RecordingError(
             error.what,
             cause=error.cause,
-            fix="correct the arrays: t in s, voltages in V, angles in rad (numpy.radians)",
+            fix="correct the arrays: t in s, voltages in V, angles in rad "
+            "(degrees · π/180; counts · 2π / counts per revolution)",
         ) from None

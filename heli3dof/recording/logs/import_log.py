@@ -87,7 +87,7 @@ def read_log(
     files = tuple(Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths))
     if len(files) > 1 and columns is not None:
         raise UsageError(
-            "--columns names the columns of one file, but several were given.",
+            "columns names the columns of one file, but several were given.",
             cause="the files are parts of one flight.",
             fix="--map, with the names that heli3dof import shows without --columns",
         )
@@ -138,7 +138,7 @@ def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | N
         raise UsageError(
             f"{path} is a log, which does not contain the rig's profile.",
             cause="no profile was named.",
-            fix=f"add --profile PROFILE.toml, or import it once: heli3dof import {quoted(path)} "
+            fix=f"add profile='PROFILE.toml', or import it once: heli3dof import {quoted(path)} "
             f"--profile PROFILE.toml -o {quoted(stem(path))}.mcap",
         )
     return _read(importer, path, profile, columns)
@@ -198,8 +198,7 @@ def _not_importable(path: Path) -> RecordingError:
         return RecordingError(
             f"{path} is a recording already: there is nothing to import.",
             cause="it was imported before, or heli3dof recorded it.",
-            fix=f"heli3dof info {quoted(path)}; the other verbs take another profile with "
-            "--profile",
+            fix=f"heli3dof info {quoted(path)}; load takes another profile",
         )
     return RecordingError(
         f"{path} is not a log that can be imported; it is {what_is(data)}.",

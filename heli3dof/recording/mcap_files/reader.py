@@ -247,5 +247,5 @@ def profile_in(found: Scan, path: Path) -> Profile:
         raise RecordingError(
             f"{path}: {error.what}",
             cause=error.cause or "another program or an older heli3dof wrote it.",
-            fix="add the rig's profile: --profile PROFILE.toml",
+            fix="add the rig's profile: profile='PROFILE.toml'",
         ) from error

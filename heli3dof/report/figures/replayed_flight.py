@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from heli3dof.axes import AXES
-from heli3dof.comparison.metrics import step_metrics
+from heli3dof.comparison.metrics import metrics_in_flight
 from heli3dof.comparison.replay import replay
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -51,12 +49,8 @@ def replayed(
         if why_not_replayed(recording) is not None:
             continue
         recorded = under_control(recording)
-        resolution = np.abs(recording.profile.encoder.rad_per_count)
         flights = [recorded.angle, *(replay(m, recording).angle for m in (before, after))]
-        metrics = [
-            step_metrics(recorded.t, angle, recorded.reference, resolution=resolution)
-            for angle in flights
-        ]
+        metrics = [metrics_in_flight(recorded, angle) for angle in flights]
         for axis in AXES:
             results = [m[axis].reported for m in metrics]
             if results[0].kind not in ("step", "start", "hold"):

@@ -124,9 +124,9 @@ def transfer_functions_table(found: Identification, *, only_direct: bool = False
     cross = [f for f in found.factored if f not in direct]
     notes = ["sum: both voltages +1 V; difference: front +1 V, back −1 V."]
     if only_direct and all(f.gain == 0 for f in cross):
-        notes.append("The other three are 0, within two standard deviations.")
+        notes.append("The others are 0, within two standard deviations.")
     elif only_direct:
-        notes.append("The other three: --verbose.")
+        notes.append("The others: --verbose.")
     shown = direct if only_direct else found.factored
     rows = [[f"{f.output} / {f.input}", str(f)] for f in shown]
     return Grid(

@@ -108,7 +108,7 @@ def test_without_pyarrow_the_error_names_the_install_command(
 def test_export_never_overwrites_without_force(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_text("precious")
-    with pytest.raises(OutputExists, match="--force"):
+    with pytest.raises(OutputExists, match="force=True"):
         export(flight(20), path)
     assert path.read_text() == "precious"
     export(flight(20), path, force=True)

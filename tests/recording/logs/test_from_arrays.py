@@ -39,6 +39,8 @@ def test_the_arrays_of_a_flight_are_its_recording(flown: Recording) -> None:
     ("changed", "message", "error"),
     [
         (lambda r: {"angle": np.rad2deg(r.angle)}, "does not look like radians", RecordingError),
+        (lambda r: {"angle": np.rint(r.angle * 4096 / (2 * np.pi))}, "raw encoder counts",
+         RecordingError),
         (lambda r: {"t": r.t[::-1]}, "time does not increase at sample 1", RecordingError),
         (lambda r: {"t": 1e3 * r.t}, "t_s steps by 2", RecordingError),
         (lambda r: {"voltage": 1e3 * r.voltage}, "v_front_V reaches", RecordingError),

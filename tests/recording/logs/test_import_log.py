@@ -429,7 +429,7 @@ def test_a_log_needs_a_profile_and_a_recording_contains_one(tmp_path: Path) -> N
     assert load(stored, other).profile.motor.V_o == 3.0
     with pytest.raises(RecordingError, match="There is no recording"):
         load(tmp_path / "nothing.csv")
-    with pytest.raises(UsageError, match="--columns is for MAT"):
+    with pytest.raises(UsageError, match="columns is for MAT"):
         load(path, PROFILE, columns="t_s")
     with pytest.raises(RecordingError, match="not an MCAP recording; it is a text table"):
         load(write(tmp_path, columns(), "log.txt"), PROFILE)

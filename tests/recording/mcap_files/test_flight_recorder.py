@@ -102,7 +102,7 @@ def test_the_last_outcome_is_written_and_closing_is_idempotent(tmp_path: Path) -
 def test_an_existing_file_is_never_overwritten_without_force(tmp_path: Path) -> None:
     path = write_flight(tmp_path / "a.mcap", 30)
     before = path.read_bytes()
-    with pytest.raises(OutputExists, match=r"--force"):
+    with pytest.raises(OutputExists, match="force=True"):
         RecordingWriter(path, default_profile())
     assert path.read_bytes() == before
     RecordingWriter(path, default_profile(), force=True).close()

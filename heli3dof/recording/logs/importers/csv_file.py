@@ -41,9 +41,9 @@ def read(
     """
     if columns is not None:
         raise UsageError(
-            f"--columns is for MAT matrices; {path.name} names its columns in its header line.",
-            cause="the option was meant for another log.",
-            fix="omit --columns, or rename the columns in the header line",
+            f"columns is for MAT matrices; {path.name} names its columns in its header line.",
+            cause="it was meant for another log.",
+            fix="omit columns, or rename the columns in the header line",
         )
     text = _text(path)
     lines = text.splitlines()

@@ -60,7 +60,7 @@ def table_of(
     twice = next((name for name in kept if kept.count(name) > 1), None)
     if twice is not None:
         raise UsageError(
-            f"--columns names {twice} twice.",
+            f"columns names {twice} twice.",
             cause="a typing error.",
             fix="write - for a column to skip",
         )
@@ -104,7 +104,7 @@ def _matrix(path: Path, table: dict[str, np.ndarray], wanted: str | None, count:
         return np.asarray(next(iter(fitting.values())), dtype=float)
     if not fitting:
         raise RecordingError(
-            f"{path}: --columns names {count} columns, but no matrix"
+            f"{path}: columns names {count} columns, but no matrix"
             f"{'' if wanted is None else f' {wanted!r}'} has {count} rows or columns. "
             f"It contains {_listed(table)}.",
             cause="a name is missing or extra.",
@@ -113,7 +113,7 @@ def _matrix(path: Path, table: dict[str, np.ndarray], wanted: str | None, count:
     raise RecordingError(
         f"{path} has several matrices of that size: {_listed(fitting)}.",
         cause="several logs in one file.",
-        fix=f"name one: --columns {next(iter(fitting))}:t_s,v_front_V,…",
+        fix=f"name one: columns='{next(iter(fitting))}:t_s,v_front_V,…'",
     )
 
 

@@ -62,7 +62,7 @@ def read(
         raise RecordingError(
             f"{path} was written by another program and contains no profile of the rig.",
             cause="only heli3dof's own recordings contain one.",
-            fix="add --profile PROFILE.toml",
+            fix="add profile='PROFILE.toml'",
         )
     return table
 
