@@ -43,10 +43,12 @@ def recording_document(recording: Recording) -> dict[str, Any]:
 
 def flight_table(flight: Flight) -> Grid | str:
     """Return a table of a flight, or a sentence if it ended before its first control period."""
+    from heli3dof.recording.info import closed_loop_s
+
     outcome = flight.outcome
     if not outcome.periods:
         return f"Nothing was flown: {outcome.detail}"
-    seconds = outcome.periods * flight.recording.profile.dt
+    seconds = closed_loop_s(flight.recording) or 0.0
     return recording_table(
         flight.recording,
         f"{flight.recording.name}: {outcome.ending}, {seconds:.1f} s in closed loop",
@@ -61,7 +63,7 @@ def flight_warnings(flight: Flight) -> list[str]:
 
     recording = flight.recording
     return [
-        *link_warnings(flight.outcome.details(), recording.profile.dt),
+        *link_warnings(flight.outcome.details(), len(recording), recording.profile.dt),
         *still_encoder_warnings(recording),
     ]
 
@@ -77,6 +79,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "detail": outcome.detail,
         **outcome.advice(),
         "device_cause": outcome.device_cause,
+        "samples": len(flight.recording),
         "periods": outcome.periods,
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,

@@ -99,7 +99,9 @@ def _rows(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if device_cause := about["outcome_details"].get("device_cause"):
         yield "device's cause", device_cause
     rate = f", {1 / timing['period_s']:.4g} Hz" if timing else ""
-    yield "length", f"{about['duration_s']:.2f} s, {about['samples']} samples{rate}"
+    closed = about["closed_loop_s"]
+    ramp = "" if closed is None else f" ({closed:.2f} s in closed loop, then ramp to zero)"
+    yield "length", f"{about['duration_s']:.2f} s{ramp}, {about['samples']} samples{rate}"
     for axis, angle in about["angles"].items():
         reference = "" if angle["reference"] else ", reference not logged"
         if angle["min_deg"] is not None:

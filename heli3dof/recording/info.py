@@ -22,6 +22,7 @@ from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, recording_of
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.profile import Profile
@@ -104,6 +105,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "name": recording.name,
         "samples": len(recording),
         "duration_s": recording.duration if len(recording) else 0.0,
+        "closed_loop_s": closed_loop_s(recording),
         "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
@@ -125,12 +127,21 @@ def summary(recording: Recording) -> dict[str, Any]:
         "warnings": [
             *meta.get("warnings", []),
             *([clock] if stuck else []),
-            *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
+            *link_warnings(meta.get("outcome_details") or {}, len(recording), recording.profile.dt),
             *still_encoder_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }
+
+
+def closed_loop_s(recording: Recording) -> float | None:
+    """Return for how long in s a flight's loop was closed; None for an imported recording."""
+    phase = recording.channels.get("phase")
+    if phase is None:
+        return None
+    t = recording.t[phase == CLOSED_LOOP]
+    return float(t[-1] - t[0]) + recording.profile.dt if len(t) else 0.0
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:
