@@ -47,7 +47,7 @@ def flight_table(flight: Flight) -> Grid | str:
 
     outcome = flight.outcome
     if not outcome.periods:
-        return f"Nothing was flown: {outcome.detail}"
+        return "Nothing was flown."
     seconds = closed_loop_s(flight.recording) or 0.0
     return recording_table(
         flight.recording,

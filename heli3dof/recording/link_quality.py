@@ -50,7 +50,8 @@ def link_warnings(details: Mapping[str, Any], samples: int, dt: float) -> list[s
             )
         found.append(
             f"{unacknowledged} of {commands} commands ({unacknowledged / commands:.1%}) were not "
-            f"echoed by the next sample, {latency.get('commands_never_echoed', 0)} of them never. "
+            f"echoed by the next sample; {latency.get('commands_never_echoed', 0)} were never "
+            "echoed. "
             f"Likely cause: {cause}. Try: heli3dof doctor; a shorter, shielded cable away from the "
             "motors' leads; a lower loop.rate_hz"
         )
