@@ -56,20 +56,10 @@ def flight_table(flight: Flight) -> Grid | str:
     )
 
 
-def flight_warnings(flight: Flight) -> list[str]:
-    """Return warnings: data lost on the link to the rig, encoders whose counts did not change."""
-    from heli3dof.recording.link_quality import link_warnings
-    from heli3dof.recording.still_encoder import still_encoder_warnings
-
-    recording = flight.recording
-    return [
-        *link_warnings(flight.outcome.details(), len(recording), recording.profile.dt),
-        *still_encoder_warnings(recording),
-    ]
-
-
 def flight_document(flight: Flight) -> dict[str, Any]:
     """Return a flight's JSON document, which ``run --json`` and ``run-step --json`` print."""
+    from heli3dof.recording.info import flight_warnings
+
     outcome = flight.outcome
     details = outcome.details()
     return {
@@ -90,7 +80,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "realtime": details["realtime"],
         "link": details["link"],
         "latency": details["latency"],
-        "warnings": flight_warnings(flight),
+        "warnings": flight_warnings(flight.recording),
         "landed": outcome.landed,
         "ramped": outcome.ramped,
         "digest": flight.recording.digest,

@@ -15,6 +15,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, quoted
+from heli3dof.recording.amplifier_ratio import amplifier_warnings
 from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers import importer_of
@@ -127,12 +128,21 @@ def summary(recording: Recording) -> dict[str, Any]:
         "warnings": [
             *meta.get("warnings", []),
             *([clock] if stuck else []),
-            *link_warnings(meta.get("outcome_details") or {}, len(recording), recording.profile.dt),
-            *still_encoder_warnings(recording),
+            *flight_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }
+
+
+def flight_warnings(recording: Recording) -> list[str]:
+    """Return warnings of a poor link, a wrong output voltage, and encoders that stood still."""
+    details = recording.meta.get("outcome_details") or {}
+    return [
+        *link_warnings(details, len(recording), recording.profile.dt),
+        *amplifier_warnings(recording),
+        *still_encoder_warnings(recording),
+    ]
 
 
 def closed_loop_s(recording: Recording) -> float | None:
