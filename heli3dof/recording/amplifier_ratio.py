@@ -54,7 +54,7 @@ def amplifier_warnings(recording: Recording) -> list[str]:
             warnings.append(
                 f"The {motor} motor's output was {worst:.2f} times the commanded voltage, in the "
                 "mean of a second. Likely cause: a loaded supply, or a wrong scale of the "
-                "amplifier's output or of its measurement. Try: measure the motor's voltage in "
-                "flight; python -m heli3dof.rig.conformance URL examines the driver"
+                "amplifier's output or of its measurement. Try: a voltmeter at the motor; "
+                "python -m heli3dof.rig.conformance URL examines the driver"
             )
     return warnings

@@ -136,7 +136,7 @@ def summary(recording: Recording) -> dict[str, Any]:
 
 
 def flight_warnings(recording: Recording) -> list[str]:
-    """Return warnings of a poor link, a wrong output voltage, and encoders that stood still."""
+    """Return warnings of a poor link, a wrong output voltage, and constant encoder counts."""
     details = recording.meta.get("outcome_details") or {}
     return [
         *link_warnings(details, len(recording), recording.profile.dt),

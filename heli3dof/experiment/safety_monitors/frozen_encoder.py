@@ -181,7 +181,7 @@ class FrozenEncoder(SafetyMonitor):
         if self._airborne:
             return frozen_trip(i, what, by_motion=True, invalid_s=seconds)
         return Trip(
-            f"{what}: the arm lies on the table",
+            f"{what}, with the arm on the table",
             "no motor pulls (supply, fuse, plug), one does not, something holds the arm, or the "
             "encoder is frozen.",
             "check the amplifier's supply and fuses with both rotors free; then heli3dof monitor "
