@@ -18,8 +18,8 @@ of `WINDOWS_S`, up to 1.6 s.
 A motor may fail at any time, but a wrong sign and wrong leads last the whole flight. So the motion
 before the window must not contradict them: in its parts of 0.4 s, the sum of their scores is at
 most `SURE` below that of a rig without fault. A roll reading above the table contradicts a wrong
-roll sign: the arm would be below. A fault is not reported if a contradicted one explains the window
-better by `SURE`.
+roll sign, since the arm would be below, and a motor that turns the wrong way, since the two thrusts
+would cancel. A fault is not reported if a contradicted one explains the window better by `SURE`.
 
 The windows end where the axes were last free to move: before pitch reached its stop, and before the
 arm came down on the table.
@@ -63,7 +63,7 @@ INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
 BELOW_TABLE = radians(2.0)
 """rad: roll further below its rest angle, which the table prevents, shows a wrong encoder sign;
-roll further above it shows that the sign is right"""
+roll further above it shows that the sign and the motors are right"""
 UNKNOWN = 0.5
 """B as a share of `ExpectedAcceleration.typical`"""
 GAIN = (0.4, 2.5)
@@ -94,6 +94,11 @@ class Fault(NamedTuple):
     """Rows: effective voltage of the front, the back motor; columns: front, back voltage applied"""
     sudden: bool = False
     """True if the fault may occur in the air; False if it lasts the whole flight"""
+
+    @property
+    def keeps_on_table(self) -> bool:
+        """Return True if roll cannot read above its rest angle with this fault."""
+        return self.sign[0] < 0 or min(min(row) for row in self.mix) < 0
 
 
 NORMAL = Fault("", "")
@@ -176,8 +181,7 @@ def wiring_fault(
     while starts[-1] > SHORTEST:
         starts.append(int(np.searchsorted(t, t[starts[-1] - 1] - WINDOWS_S[0])))
     parts = [scores(first, last) for last, first in pairwise(starts)]
-    possible = np.array([True] * len(FAULTS))
-    possible[0] = not was_above
+    possible = np.array([not (was_above and fault.keeps_on_table) for fault in FAULTS])
     sudden = np.array([fault.sudden for fault in FAULTS])
     for window_s in WINDOWS_S:
         window = scores(int(np.searchsorted(t, t[end - 1] - window_s)), end)
