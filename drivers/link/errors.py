@@ -6,8 +6,26 @@ from heli3dof.errors import DeviceError
 
 from .frames import Cause, Code
 
+MALFORMED = 10
+"""Pieces that are no frame: more of them since the last sample than a cable makes as it is pulled
+out"""
 
-def gone_silent(name: str) -> DeviceError:
+
+def gone_silent(name: str, seconds: float, malformed: int) -> DeviceError:
+    """Return the DeviceError for a device that does not reply.
+
+    ``seconds``: time since the last valid sample; ``malformed``: pieces since then that are no
+    frame (`LinkStatistics`).
+    """
+    if malformed > MALFORMED:
+        return DeviceError(
+            f"{name}: no valid frame for {seconds:.1f} s, but {malformed} malformed ones.",
+            cause="the device's program or the line damages every byte: another baud rate, "
+            "electrical noise, or a defective adapter. The device's own watchdog has ramped the "
+            "motors to zero.",
+            fix="heli3dof doctor; check baud rate and shield; compare the firmware with "
+            "docs/reference/protocol.md",
+        )
     return DeviceError(
         f"{name}: the rig has gone silent.",
         cause="the cable is out, or the device has lost its supply; its own watchdog has ramped "
@@ -44,7 +62,7 @@ def no_valid_sample(name: str, seconds: float, malformed: int, rejected: int) ->
         "rejected); the watchdog stopped the motors.",
         cause="the device's program repeats old samples or damages frames, or the line does."
         if malformed or rejected
-        else "the line was cut for a time.",
+        else "the device answers requests but sends no samples, or the line was cut for a time.",
         fix="heli3dof doctor; compare the firmware with docs/reference/protocol.md",
     )
 

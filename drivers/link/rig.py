@@ -257,7 +257,8 @@ class LinkRig:
         reply = self._client.request(Hello, IdentityFrame)
         self._gone = reply is None
         if reply is None:
-            return gone_silent(self._transport.name)
+            seconds, malformed, _ = self._samples.since_valid()
+            return gone_silent(self._transport.name, seconds, malformed)
         same = reply.boot == self._boot and not self._uptime_fell_back()
         return None if same else restarted(self._transport.name)
 

@@ -43,10 +43,12 @@ def recording_document(recording: Recording) -> dict[str, Any]:
 
 def flight_table(flight: Flight) -> Grid | str:
     """Return a table of a flight, or a sentence if it ended before its first control period."""
+    from heli3dof.recording.info import closed_loop_s
+
     outcome = flight.outcome
     if not outcome.periods:
-        return f"Nothing was flown: {outcome.detail}"
-    seconds = outcome.periods * flight.recording.profile.dt
+        return "Nothing was flown."
+    seconds = closed_loop_s(flight.recording) or 0.0
     return recording_table(
         flight.recording,
         f"{flight.recording.name}: {outcome.ending}, {seconds:.1f} s in closed loop",
@@ -54,20 +56,10 @@ def flight_table(flight: Flight) -> Grid | str:
     )
 
 
-def flight_warnings(flight: Flight) -> list[str]:
-    """Return warnings: data lost on the link to the rig, encoders whose counts did not change."""
-    from heli3dof.recording.link_quality import link_warnings
-    from heli3dof.recording.still_encoder import still_encoder_warnings
-
-    recording = flight.recording
-    return [
-        *link_warnings(flight.outcome.details(), recording.profile.dt),
-        *still_encoder_warnings(recording),
-    ]
-
-
 def flight_document(flight: Flight) -> dict[str, Any]:
     """Return a flight's JSON document, which ``run --json`` and ``run-step --json`` print."""
+    from heli3dof.recording.info import flight_warnings
+
     outcome = flight.outcome
     details = outcome.details()
     return {
@@ -77,6 +69,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "detail": outcome.detail,
         **outcome.advice(),
         "device_cause": outcome.device_cause,
+        "samples": len(flight.recording),
         "periods": outcome.periods,
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,
@@ -87,7 +80,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "realtime": details["realtime"],
         "link": details["link"],
         "latency": details["latency"],
-        "warnings": flight_warnings(flight),
+        "warnings": flight_warnings(flight.recording),
         "landed": outcome.landed,
         "ramped": outcome.ramped,
         "digest": flight.recording.digest,

@@ -100,7 +100,10 @@ def _rows(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "device's cause", device_cause
     rate = f", {1 / timing['period_s']:.4g} Hz" if timing else ""
     start = minus(f", from {about['start_s']:g} s") if about["start_s"] else ""
-    yield "length", f"{about['duration_s']:.2f} s, {about['samples']} samples{rate}{start}"
+    closed = about["closed_loop_s"]
+    ramp = "" if closed is None else f" ({closed:.2f} s in closed loop, then ramp to zero)"
+    length = f"{about['duration_s']:.2f} s{ramp}"
+    yield "length", f"{length}, {about['samples']} samples{rate}{start}"
     for axis, angle in about["angles"].items():
         reference = "" if angle["reference"] else ", reference not logged"
         if angle["min_deg"] is not None:

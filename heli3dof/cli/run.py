@@ -236,11 +236,12 @@ def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int
 
 
 def _show_flight(out: Output, flight: Flight) -> None:
-    from heli3dof.cli.flight_summary import flight_document, flight_table, flight_warnings
+    from heli3dof.cli.flight_summary import flight_document, flight_table
     from heli3dof.cli.timing_summary import realtime_advice
+    from heli3dof.recording.info import flight_warnings
 
     out.show(flight_table(flight))
-    for warning in flight_warnings(flight):
+    for warning in flight_warnings(flight.recording):
         out.warn(warning)
     advice = realtime_advice(flight.outcome)
     if advice:

@@ -36,7 +36,7 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
             rows.append(("command to echo", ", ".join(times)))
         echoes = (
             f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
-            f"the next sample, {latency['commands_never_echoed']} never"
+            f"the next sample, {latency['commands_never_echoed']} never echoed"
         )
         rows.append(("unacknowledged", echoes))
     realtime = details.get("realtime")

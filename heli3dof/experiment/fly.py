@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip, quoted
+from heli3dof.errors import DeviceError, Heli3dofError, RecordingError, SafetyTrip, quoted
 from heli3dof.experiment.control_loop.loop import Live, fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.control_loop.signal_handling import StopSignals, stop_signals
@@ -61,19 +61,25 @@ class Flight:
         `raise_if_cut_short` lists the exceptions. ``path``: the recording's file, which the message
         names; None if there is no file.
         """
+        is_gone = path is not None and not path.exists()
         kept = f"; the recording is kept in {path}" if path else ""
+        if is_gone:
+            kept = f"; the recording was moved or deleted in flight: it is no longer at {path}"
         if outcome.ending == "interrupted":
-            raise KeyboardInterrupt(outcome.detail)
+            raise KeyboardInterrupt(f"{outcome.detail}{kept if is_gone else ''}")
         if outcome.ending == "tripped":
             advice = outcome.advice()
             look = f"heli3dof report {quoted(path)}" if path else "look at flight.recording"
+            ended = "was ended" if outcome.periods else "did not begin,"
             raise SafetyTrip(
-                f"The flight was ended for safety: {outcome.detail}{kept}.",
+                f"The flight {ended} for safety: {outcome.detail}{kept}.",
                 cause=advice.get("likely_cause") or "not known.",
                 fix=advice.get("fix") or look,
             )
         if outcome.ending == "device":
             assert isinstance(outcome.error, DeviceError)
+            if is_gone:
+                outcome.error.what += f" The flight ended{kept}."
             raise outcome.error
         if outcome.ending == "error":
             if isinstance(outcome.error, Heli3dofError):
@@ -119,8 +125,9 @@ def fly_plan(
     receives the progress. Before arming the rig, the function calls ``opened`` with the rig's
     identity, and ``warn`` with each warning.
 
-    Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
-    start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
+    Returns the flight however it ended (see `Flight.raise_if_cut_short`). If its file is gone,
+    raises how the flight ended instead, or RecordingError if it was completed. If the flight did
+    not start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
     SafetyTrip if an emergency stop came after this program or call began
     (`heli3dof.rig.session.stop_stamp`).
     """
@@ -178,6 +185,14 @@ def _fly_and_record(
     if not sink.rows:
         Flight.raise_ending(outcome, path)
     if path is not None:
+        if not path.exists():
+            Flight.raise_ending(outcome, path)
+            raise RecordingError(
+                f"The flight was completed, but its recording is no longer at {path}.",
+                cause="the file was moved or deleted in flight. A moved file contains the whole "
+                "recording; a deleted one is lost.",
+                fix="heli3dof info FILE, with the moved file",
+            )
         return Flight(read_recording(path), outcome, path)
     assert isinstance(sink, MemoryRecorder)
     about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}

@@ -15,6 +15,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, quoted
+from heli3dof.recording.amplifier_ratio import amplifier_warnings
 from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers import importer_of
@@ -23,6 +24,7 @@ from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, 
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.motors_cut import motors_cut_warnings
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.profile import Profile
@@ -106,6 +108,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "samples": len(recording),
         "start_s": float(recording.t[0]) if len(recording) else None,
         "duration_s": recording.duration if len(recording) else 0.0,
+        "closed_loop_s": closed_loop_s(recording),
         "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
@@ -127,13 +130,31 @@ def summary(recording: Recording) -> dict[str, Any]:
         "warnings": [
             *meta.get("warnings", []),
             *([clock] if stuck else []),
-            *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
-            *still_encoder_warnings(recording),
+            *flight_warnings(recording),
             *motors_cut_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }
+
+
+def flight_warnings(recording: Recording) -> list[str]:
+    """Return warnings of a poor link, a wrong output voltage, and constant encoder counts."""
+    details = recording.meta.get("outcome_details") or {}
+    return [
+        *link_warnings(details, len(recording), recording.profile.dt),
+        *amplifier_warnings(recording),
+        *still_encoder_warnings(recording),
+    ]
+
+
+def closed_loop_s(recording: Recording) -> float | None:
+    """Return for how long in s a flight's loop was closed; None for an imported recording."""
+    phase = recording.channels.get("phase")
+    if phase is None:
+        return None
+    t = recording.t[phase == CLOSED_LOOP]
+    return float(t[-1] - t[0]) + recording.profile.dt if len(t) else 0.0
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:

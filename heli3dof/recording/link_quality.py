@@ -19,10 +19,11 @@ LOSS_SHARE = 0.01
 in a minute of the plan ``rich``)."""
 
 
-def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
+def link_warnings(details: Mapping[str, Any], samples: int, dt: float) -> list[str]:
     """Return warnings of a poor link, each with likely cause and remedy; a good link has none.
 
-    ``details`` is ``Recording.meta["outcome_details"]``, ``dt`` the control period in s.
+    ``details`` is ``Recording.meta["outcome_details"]``, ``samples`` the recording's number of
+    samples, in flight and ramp, and ``dt`` the control period in s.
     """
     found: list[str] = []
     latency = details.get("latency") or {}
@@ -49,14 +50,15 @@ def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
             )
         found.append(
             f"{unacknowledged} of {commands} commands ({unacknowledged / commands:.1%}) were not "
-            f"echoed by the next sample, {latency.get('commands_never_echoed', 0)} of them never. "
+            f"echoed by the next sample; {latency.get('commands_never_echoed', 0)} were never "
+            "echoed. "
             f"Likely cause: {cause}. Try: heli3dof doctor; a shorter, shielded cable away from the "
             "motors' leads; a lower loop.rate_hz"
         )
-    lost, flown = details.get("lost") or 0, details.get("periods") or 0
-    if lost > LOSS_SHARE * (flown + lost):
+    lost = details.get("lost") or 0
+    if lost > LOSS_SHARE * (samples + lost):
         found.append(
-            f"{lost} of {flown + lost} samples ({lost / (flown + lost):.1%}) were lost on the "
+            f"{lost} of {samples + lost} samples ({lost / (samples + lost):.1%}) were lost on the "
             "line. Likely cause: a loose or long cable, a hub, or the motors' leads. Try: heli3dof "
             "doctor; a shorter, shielded cable away from the motors' leads"
         )

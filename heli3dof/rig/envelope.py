@@ -64,10 +64,18 @@ class Envelope:
         for i in range(3):
             if not self._low[i] <= angle[i] <= self._high[i]:
                 side = self._low[i] if angle[i] < self._low[i] else self._high[i]
+                at, bound = f"{degrees(angle[i]):.2f}°", f"beyond the envelope's {degrees(side):g}°"
+                if self._before is None:
+                    return Trip(
+                        f"{AXES[i]} began at {at}, {bound}",
+                        "the counts were not zero at the rest angles, for example after a restart "
+                        "of the device in the air.",
+                        "let the rig rest, then heli3dof zero; if it is at rest, check "
+                        f"encoder.{AXES[i]}_rest_deg in the profile",
+                    )
                 limit = "roll_min_deg or roll_max_deg" if i == 0 else f"{AXES[i]}_max_deg"
                 return Trip(
-                    f"{AXES[i]} reached {degrees(angle[i]):.2f}°, beyond the envelope's "
-                    f"{degrees(side):g}°",
+                    f"{AXES[i]} reached {at}, {bound}",
                     _TOO_FAR,
                     f"{_CHECK_SIGNS}: a smaller reference, or limits.{limit} if the rig has "
                     "the room",

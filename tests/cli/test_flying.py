@@ -35,6 +35,7 @@ def test_run_step_records_and_prints_a_summary(tmp_path: Path) -> None:
     document = result.document
     assert document["outcome"] == "completed"
     assert document["periods"] == 1750
+    assert document["samples"] == 3250
     assert document["axes"]["roll"]["set_deg"] == 10
     assert 11 < document["axes"]["roll"]["peak_deg"] < 13
     recording = read_recording(path)
@@ -61,7 +62,13 @@ def test_the_summary_has_no_colour_without_a_terminal(tmp_path: Path) -> None:
     result = heli3dof(
         "run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap"
     )
-    for word in ("roll", "peak", "overshoot", "late by more than 1 ms: 0 of 3250"):
+    for word in (
+        "roll",
+        "peak",
+        "overshoot",
+        "late by more than 1 ms: 0 of 3250",
+        "3.5 s in closed loop",
+    ):
         assert word in result.out
     assert "\x1b" not in result.out + result.err
 

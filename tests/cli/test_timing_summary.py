@@ -71,7 +71,7 @@ LATENCY = EchoLatency(5469, 5468, 0, 5.7e-3, 5.9e-3, 7.8e-3, 3, 3, 4)
 
 def test_latency_is_shown_in_ms_and_periods() -> None:
     shown = "median 5.70 ms (3 periods), 99.9 % 5.90 ms (3 periods), maximum 7.80 ms (4 periods)"
-    unacknowledged = "5468 of 5469 commands not echoed by the next sample, 0 never"
+    unacknowledged = "5468 of 5469 commands not echoed by the next sample, 0 never echoed"
     slow = replace(OUTCOME, latency=LATENCY)
     about = {"lateness": None, "samples": 9, "outcome_details": slow.details()}
     rows = dict(timing_rows(about))

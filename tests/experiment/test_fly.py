@@ -1,4 +1,4 @@
-"""A whole flight: the order in which device and recording are closed."""
+"""A whole flight: the order of closing, warnings, and a recording that disappears."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
+from heli3dof.errors import Heli3dofError, RecordingError, SafetyTrip
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 SHORT = step_plan((None, None, None), settle_s=0.2, duration_s=0.2)
@@ -33,6 +35,32 @@ def test_the_device_is_disarmed_before_the_recording_is_finished(
     monkeypatch.setattr(RecordingWriter, "outcome", written)
     fly_plan(SHORT, device="mock:?speed=max&start=level", output=tmp_path / "f.mcap")
     assert order[:2] == ["device", "recording"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "error", "first"),
+    [
+        ("", RecordingError, "The flight was completed, but its recording is no longer at "),
+        ("&fault=frozen.roll@0.05", SafetyTrip, "The flight was ended for safety: "),
+    ],
+)
+def test_the_outcome_of_a_flight_whose_file_was_moved_is_reported_first(
+    fault: str, error: type[Heli3dofError], first: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    path = tmp_path / "b.mcap"
+    outcome = RecordingWriter.outcome
+
+    def moved(self: RecordingWriter, *about: Any, **details: Any) -> None:
+        outcome(self, *about, **details)
+        path.rename(tmp_path / "a.mcap")
+
+    monkeypatch.setattr(RecordingWriter, "outcome", moved)
+    with pytest.raises(error) as caught:
+        fly_plan(SHORT, device=f"mock:?speed=max&start=level{fault}", output=path)
+    assert caught.value.what.startswith(first)
+    assert "no longer at" in caught.value.what
+    assert len(read_recording(tmp_path / "a.mcap"))
 
 
 def test_a_flight_warns_of_a_step_below_two_counts_and_of_an_unusual_ending(tmp_path: Path) -> None:

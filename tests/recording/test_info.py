@@ -12,6 +12,7 @@ import pytest
 from heli3dof.errors import RecordingError
 from heli3dof.recording.info import file_info, summary
 from heli3dof.recording.logs.export import export
+from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
 from heli3dof.recording.write import write_recording
 from tests.recording.make import flight, open_profile, write_flight
 
@@ -32,6 +33,14 @@ def test_a_flight_is_summarised_with_its_plan_outcome_and_lateness(tmp_path: Pat
     assert about["angles"]["yaw"]["max_deg"] == pytest.approx(3 * 1200 * 360 / 8192)
     assert about["torn"] is False
     assert "roll_count" in about["channels"]
+
+
+def test_the_time_in_closed_loop_counts_lost_samples_but_not_the_ramp() -> None:
+    made = flight(1000)
+    phase = np.repeat([CLOSED_LOOP, RAMP_DOWN], 500).astype(float)
+    made = replace(made, channels={**made.channels, "phase": phase})
+    kept = np.r_[0:100, 300:1000]
+    assert summary(made.rows(kept))["closed_loop_s"] == pytest.approx(1.0)
 
 
 def test_gaps_are_counted_and_warnings_shown(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from tests.flown import flown
 
 DT = 2e-3
 GOOD: dict[str, Any] = {
-    "periods": 1000,
     "lost": 0,
     "device_skipped": 0,
     "link": {"rejected": 0},
@@ -30,42 +29,49 @@ def changed(**changes: Any) -> dict[str, Any]:
 
 
 def test_a_good_link_gives_no_warning() -> None:
-    assert link_warnings(GOOD, DT) == []
-    assert link_warnings({}, DT) == []
-    assert link_warnings({"latency": None, "link": None}, DT) == []
+    assert link_warnings(GOOD, 1000, DT) == []
+    assert link_warnings({}, 0, DT) == []
+    assert link_warnings({"latency": None, "link": None}, 0, DT) == []
 
 
 def test_latency_above_one_period_gives_a_warning_with_its_size() -> None:
-    (message,) = link_warnings(changed(median_s=5.7e-3, commands_unacknowledged=1000), DT)
+    (message,) = link_warnings(changed(median_s=5.7e-3, commands_unacknowledged=1000), 1000, DT)
     assert "latency is 5.7 ms (median), more than the control period of 2 ms" in message
     assert "FTDI latency timer" in message
     assert "heli3dof doctor" in message
 
 
 def test_more_than_one_percent_of_unacknowledged_commands_gives_a_warning() -> None:
-    (message,) = link_warnings(changed(commands_unacknowledged=11), DT)
-    assert message.startswith("11 of 1000 commands (1.1%) were not echoed by the next sample")
+    (message,) = link_warnings(changed(commands_unacknowledged=11), 1000, DT)
+    assert message.startswith(
+        "11 of 1000 commands (1.1%) were not echoed by the next sample; 10 were"
+    )
     assert "loses frames" in message
 
 
 def test_commands_that_are_never_echoed_in_time_are_not_blamed_on_lost_frames() -> None:
-    (message,) = link_warnings(changed(median_s=None, commands_unacknowledged=1000), DT)
+    (message,) = link_warnings(changed(median_s=None, commands_unacknowledged=1000), 1000, DT)
     assert "a latency above the control period, or a device that ignores commands" in message
     assert "loses frames" not in message
 
 
 def test_an_overloaded_device_is_named_as_the_cause() -> None:
-    (message,) = link_warnings(changed(commands_unacknowledged=60, device_skipped=50), DT)
+    (message,) = link_warnings(changed(commands_unacknowledged=60, device_skipped=50), 1000, DT)
     assert "the device is overloaded (it skipped 50 samples)" in message
 
 
 @pytest.mark.parametrize(("lost", "warned"), [(10, 0), (11, 1)])
 def test_more_than_one_percent_of_lost_samples_gives_a_warning(lost: int, warned: int) -> None:
-    assert len(link_warnings(changed(lost=lost), DT)) == warned
+    assert len(link_warnings(changed(lost=lost), 1000, DT)) == warned
+
+
+def test_the_share_of_lost_samples_counts_the_ramp_to_zero() -> None:
+    (message,) = link_warnings(changed(lost=730), 2190, DT)
+    assert message.startswith("730 of 2920 samples (25.0%) were lost on the line")
 
 
 def test_a_rejected_sample_gives_a_warning() -> None:
-    (message,) = link_warnings(changed(link={"rejected": 1}), DT)
+    (message,) = link_warnings(changed(link={"rejected": 1}), 1000, DT)
     assert "1 samples were rejected: repeated" in message
 
 

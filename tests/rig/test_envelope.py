@@ -14,7 +14,9 @@ HOVER = (7.456, 7.456)
 
 
 def check(t=0.0, angle=LEVEL, rate=LEVEL, command=HOVER, voltage=HOVER):
-    return Envelope(default_profile()).check(t, angle, rate, command, voltage)
+    envelope = Envelope(default_profile())
+    assert envelope.check(0.0, LEVEL, LEVEL, HOVER, HOVER) is None
+    return envelope.check(t, angle, rate, command, voltage)
 
 
 def test_hovering_is_inside() -> None:
@@ -46,6 +48,14 @@ def test_each_limit_ends_the_flight_and_is_named(change: dict, words: str) -> No
     trip = check(**change)
     assert trip is not None
     assert words in trip
+
+
+def test_a_flight_that_begins_beyond_the_envelope_needs_zero_first() -> None:
+    low = (radians(-60.81), 0.0, 0.0)
+    trip = Envelope(default_profile()).check(0.0, low, LEVEL, (0.0, 0.0), (0.0, 0.0))
+    assert trip.startswith("roll began at -60.81°, beyond the envelope's -32°")
+    assert "restart of the device in the air" in trip.cause
+    assert trip.fix.startswith("let the rig rest, then heli3dof zero")
 
 
 def test_a_voltage_that_jumps_faster_than_the_slew_limit_ends_the_flight() -> None:

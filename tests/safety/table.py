@@ -125,7 +125,7 @@ ROWS = [
         ramp("the sample that shows it"), "tripped", "beyond the envelope's", 4,
         "what was beyond it, and by how much"),
     Row("late_ticks", "half of the last second's periods come late", "the loop (`Lateness`)",
-        RAMPED, ramp("detection"), "tripped", "the loop was too late", 4),
+        RAMPED, ramp("detection"), "tripped", "samples came too late", 4),
     Row("lost_frames", "samples, or commands, are lost in a row", "the loop (`LostFrames`)", RAMPED,
         ramp("detection"), "tripped", "the line loses frames", 4),
     Row("amplifier_output", "the amplifier is off, or ignores commands",

@@ -11,8 +11,9 @@ controller's computing time.
 
 A command is **unacknowledged** if the sample at the end of its control period does not echo it.
 Such a command was lost, was refused, or has not arrived yet. A command was **never echoed** if a
-later command was echoed first. Both kinds of command are counted while the device is
-enabled; a stopped device refuses every command.
+later command was echoed first, or if more commands than ever before were without an echo when the
+flight ended. Both kinds of command are counted while the device is enabled; a stopped device
+refuses every command.
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ class EchoMeter:
         """Sequence of the newest command that was echoed"""
         self.latency = Histogram()
         self.commands = self.unacknowledged = self.never_echoed = 0
+        self._pending = self._most_pending = 0
+        """Number of commands without an echo: now, and at most when a new echo came"""
         self.last_s = 0.0
         """s: latency of the newest command that the last sample echoes; 0 without a new echo"""
 
@@ -76,6 +79,7 @@ class EchoMeter:
         if not int(sample.flags) & _ENABLED:
             return
         self.commands += 1
+        self._pending += 1
         echo = sample.sequence
         self.unacknowledged += echo != sequence
         ahead = (echo - self._echo) & _MASK
@@ -85,13 +89,16 @@ class EchoMeter:
             self.last_s = sample.host_time_s - self._sent_s[echo % PENDING]
             self.latency.add(self.last_s)
         self.never_echoed += ahead - 1
+        self._pending = (sequence - echo) & _MASK
+        self._most_pending = max(self._most_pending, self._pending)
         self._echo = echo
 
     def measured(self) -> EchoLatency | None:
         """Return the latency's statistics; None if no command was sent to an enabled device."""
         if not self.commands:
             return None
-        counts = (self.commands, self.unacknowledged, self.never_echoed)
+        lost = self._pending if self._pending > self._most_pending else 0
+        counts = (self.commands, self.unacknowledged, self.never_echoed + lost)
         latency = self.latency
         if not latency.n:
             return EchoLatency(*counts, None, None, None, None, None, None)

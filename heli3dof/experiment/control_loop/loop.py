@@ -168,6 +168,9 @@ class _Flight:
                     return end, sample
                 k += 1 + self.exchange.skipped
                 live.done = k
+            # No period of the plan judges a gap of samples that reaches beyond the plan's end.
+            if (report := self.judge_ramp(sample, self.exchange.sent)) is not None:
+                return _End("tripped", report), sample
         except DeviceError as problem:
             return _End("device", problem.what, problem), None
         except BaseException as problem:
@@ -359,7 +362,8 @@ class _Flight:
 
 
 def _after_ramp(end: _End, ramp: RampDown) -> _End:
-    detail = Trip.first(end.detail, ramp.reason) or ""
+    before = "the landing was cut short" if end is COMPLETED else end.detail
+    detail = Trip.first(before, ramp.reason) or ""
     if ramp.stopped:
         return replace(end, ending="tripped", detail=detail)
     if ramp.tripped is not None:

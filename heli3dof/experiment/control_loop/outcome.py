@@ -45,7 +45,7 @@ class Outcome:
     detail: str
     """What ended the flight, in words; a `Trip` if the likely cause is known"""
     periods: int
-    """Control periods flown in closed loop"""
+    """Control periods flown in closed loop; the counts below also include the ramp to zero"""
     late: int
     """Periods whose sample came later than `LATE_S` after its deadline"""
     missed: int

@@ -15,7 +15,8 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 
 * ``lost``: the device made a sample that never arrived
 * ``device_skipped``: the device was busy and made no sample
-* ``samples_stale``: the sample was outdated when read; its period counts as missed
+* ``samples_stale``: the sample was outdated when read; its period counts as missed. After more than
+  `OVERFLOW` of them, samples that are lost as well count as missed: the input buffer was full
 
 Over any other link, the jump of the device's time gives the number of skipped periods. If the link
 counts lost samples, its count is the number of lost periods. If it does not, the skipped periods
@@ -36,6 +37,9 @@ from heli3dof.rig.clock import ClockOffset, Instants
 from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.link_counters import attribute_of
 
+OVERFLOW = 64
+"""Samples that every input buffer holds: 4096 bytes of a pseudo-terminal at 49 bytes each, less a
+margin. A host that left more of them unread may have lost the next ones itself"""
 Skipped = Callable[[], tuple[int, int, int]]
 """Returns the link's counters ``lost``, ``device_skipped`` and ``samples_stale``, in this order"""
 
@@ -140,6 +144,8 @@ class CountedDeadlines(DeviceDeadlines):
         self.lost, self.device_skipped, self.missed = (
             now[0] - before[0], now[1] - before[1], now[2] - before[2],
         )  # fmt: skip
+        if self.missed > OVERFLOW:
+            self.missed, self.lost = self.missed + self.lost, 0
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualDeadlines:

@@ -174,13 +174,19 @@ class FrozenEncoder(SafetyMonitor):
                 f"heli3dof monitor and turn {name} by hand: does its angle follow, with its sign?",
                 by_motion=True,
             )
-        return frozen_trip(
-            i,
+        what = (
             f"the {name} encoder's count stood at {axis.count} for {seconds:.2g} s while the "
-            f"voltages turned the axis by {degrees(abs(axis.moved)):.2g}° at least",
+            f"voltages turned the axis by {degrees(abs(axis.moved)):.2g}° at least"
+        )
+        if self._airborne:
+            return frozen_trip(i, what, by_motion=True, invalid_s=seconds)
+        return Trip(
+            f"{what}, with the arm on the table",
+            "no motor pulls (supply, fuse, plug), one does not, something holds the arm, or the "
+            "encoder is frozen.",
+            "check the amplifier's supply and fuses with both rotors free; then heli3dof monitor "
+            "and turn roll by hand: does its angle follow?",
             by_motion=True,
-            # On the table, roll stands still without a fault of its encoder.
-            invalid_s=seconds if self._airborne else 0.0,
         )
 
 

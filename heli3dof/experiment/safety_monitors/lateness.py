@@ -1,4 +1,4 @@
-"""Detects a loop that misses too many deadlines.
+"""Detects samples that come too late, by a busy host, a slow link or a slow device.
 
 A sample is late if it came more than ``late_max_s`` after its deadline. The monitor ends the flight
 if more than the fraction ``late_max_share`` of the last second's samples is late. Periods skipped
@@ -8,7 +8,7 @@ A busy host delays some commands, a slow link or device delays all of them. So t
 link or the device if the 10 % quantile of the command-to-echo latencies exceeds `SLOW_PERIODS`
 control periods. The quantile is over the latencies of the last ``late_max_share`` · 1 s. A link
 that becomes slow ends the flight after this time, so all these latencies are then slow. A latency
-counts once for its own period, and once more for each period skipped just before.
+counts for each period until the next echo, and for each period skipped just before its own.
 """
 
 from __future__ import annotations
@@ -43,11 +43,14 @@ class Lateness(SafetyMonitor):
         self._dt = profile.dt
         self._echo_s = array("d", bytes(8 * max(1, int(self._most))))
         self._echoes = 0
+        self._latest_s = 0.0
+        """s: latency of the newest command that was echoed; 0 before the first echo"""
 
     def __call__(self, now: Period) -> str | None:
-        if now.echo_s:
+        self._latest_s = now.echo_s or self._latest_s
+        if self._latest_s:
             for _ in range(1 + min(now.skipped, len(self._echo_s))):
-                self._echo_s[self._echoes % len(self._echo_s)] = now.echo_s
+                self._echo_s[self._echoes % len(self._echo_s)] = self._latest_s
                 self._echoes += 1
         late = now.lateness > self._late_s
         if not late and not self._late:
@@ -60,8 +63,8 @@ class Lateness(SafetyMonitor):
 
     def _report(self) -> Trip:
         what = (
-            f"the loop was too late: {self._late} of the last {len(self._ring)} periods came "
-            f"more than {1e3 * self._late_s:g} ms after their time or not at all"
+            f"samples came too late: {self._late} of the last {len(self._ring)} came more than "
+            f"{1e3 * self._late_s:g} ms after their time or not at all"
         )
         echoes = sorted(self._echo_s[: min(self._echoes, len(self._echo_s))])
         quickest_s = echoes[int(QUICKEST * len(echoes))] if echoes else 0.0

@@ -1,9 +1,9 @@
 """Finds the single wiring fault that explains how the rig moved before a safety trip.
 
-Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not turn or
-turns the wrong way. Each hypothesis H gives other accelerations α_H(t) from the same voltages and
-angles (`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s
-before control was lost (`WINDOWS_S`), the measured angle is fitted by
+Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not pull or
+turns the wrong way, and no motor that pulls. Each hypothesis H gives other accelerations α_H(t)
+from the same voltages and angles (`heli3dof.experiment.safety_monitors.axis_observer`). For each
+axis, over the last 0.4 s before control was lost (`WINDOWS_S`), the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
@@ -14,6 +14,15 @@ hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) ov
 fault is reported only if its score exceeds that of a rig without fault by `SURE`, and every other
 fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
 of `WINDOWS_S`, up to 1.6 s.
+
+A motor may fail at any time, but a wrong sign and wrong leads last the whole flight. So the motion
+before the window must not contradict them: in its parts of 0.4 s, the sum of their scores is at
+most `SURE` below that of a rig without fault. A roll reading above the table contradicts a wrong
+roll sign, since the arm would be below, and a motor that turns the wrong way, since the two thrusts
+would cancel. A fault is not reported if a contradicted one explains the window better by `SURE`.
+
+The windows end where the axes were last free to move: before pitch reached its stop, and before the
+arm came down on the table.
 
 If an encoder froze in the air, the windows end at the last change of its count, because its later
 angles are wrong. A wrong sign or wrong leads also show in the motion before.
@@ -27,6 +36,8 @@ Arguments: ``t`` (n,) in s, ``angle`` (n, 3) in rad and ``applied`` (n, 2) in V,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
 from math import radians
 from typing import NamedTuple
 
@@ -42,8 +53,8 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 WINDOWS_S = (0.4, 0.8, 1.6)
-"""s: lengths of the windows, which end where pitch exceeds `PITCH_STOP`, else at the trip. The
-shortest shows a late fault, the longest the slow motion if yaw counts the wrong way"""
+"""s: lengths of the windows. The shortest shows a late fault, the longest the slow motion if yaw
+counts the wrong way. All are multiples of the first"""
 SHORTEST = 20
 """Fewest control periods to fit; an axis with fewer is not used"""
 MOVED = 6
@@ -51,7 +62,8 @@ MOVED = 6
 INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
 BELOW_TABLE = radians(2.0)
-"""rad: roll further below its rest angle, which the table prevents, shows a wrong encoder sign"""
+"""rad: roll further below its rest angle, which the table prevents, shows a wrong encoder sign;
+roll further above it shows that the sign and the motors are right"""
 UNKNOWN = 0.5
 """B as a share of `ExpectedAcceleration.typical`"""
 GAIN = (0.4, 2.5)
@@ -80,6 +92,13 @@ class Fault(NamedTuple):
     """Factor of each encoder's angle from its rest angle: −1 if the encoder counts the wrong way"""
     mix: tuple[tuple[int, int], tuple[int, int]] = ((1, 0), (0, 1))
     """Rows: effective voltage of the front, the back motor; columns: front, back voltage applied"""
+    sudden: bool = False
+    """True if the fault may occur in the air; False if it lasts the whole flight"""
+
+    @property
+    def keeps_on_table(self) -> bool:
+        """Return True if roll cannot read above its rest angle with this fault."""
+        return self.sign[0] < 0 or min(min(row) for row in self.mix) < 0
 
 
 NORMAL = Fault("", "")
@@ -98,11 +117,19 @@ FAULTS = (
         "swap the two motors' leads at the amplifier",
         mix=((0, 1), (1, 0)),
     ),
+    Fault(
+        "no motor pulls",
+        "check the amplifier's supply, its fuse and the motors' plug, with the amplifier switched "
+        "off",
+        mix=((0, 0), (0, 0)),
+        sudden=True,
+    ),
     *(
         Fault(
             f"the {motor} motor {what}",
             fix.format(motor=motor),
             mix=((gain, 0), (0, 1)) if i == 0 else ((1, 0), (0, gain)),
+            sudden=gain == 0,
         )
         for what, fix, gain in (
             (
@@ -115,7 +142,6 @@ FAULTS = (
         for i, motor in enumerate(MOTORS)
     ),
 )
-HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(
@@ -139,19 +165,33 @@ def wiring_fault(
         return None
     expected = ExpectedAcceleration(profile)
     unmodelled = UNKNOWN * np.array(expected.typical)
-    accelerations = {
-        fault.what: _accelerations(fault, angle, applied, profile, expected) for fault in HYPOTHESES
-    }
+    accelerations = [_accelerations(fault, angle, applied, profile, expected) for fault in FAULTS]
+    normal = _accelerations(NORMAL, angle, applied, profile, expected)
+
+    def scores(first: int, end: int) -> np.ndarray:
+        """Return each fault's score in the rows ``first`` to ``end``, less that of no fault."""
+        windows = _windows(angle, profile, first, end)
+        of = partial(_score, t, angle, windows=windows, profile=profile, unmodelled=unmodelled)
+        return np.array([of(alpha) for alpha in accelerations]) - of(normal)
+
+    above_rest = angle[:, 0] - profile.encoder.rest_rad[0]
+    was_above = profile.motor.V_o > 0 and above_rest.max() > BELOW_TABLE
+    end = _last_free(t, angle, profile)
+    starts = [end]
+    while starts[-1] > SHORTEST:
+        starts.append(int(np.searchsorted(t, t[starts[-1] - 1] - WINDOWS_S[0])))
+    parts = [scores(first, last) for last, first in pairwise(starts)]
+    possible = np.array([not (was_above and fault.keeps_on_table) for fault in FAULTS])
+    sudden = np.array([fault.sudden for fault in FAULTS])
     for window_s in WINDOWS_S:
-        windows = _windows(t, angle, profile, window_s)
-        scores = {
-            what: _score(t, angle, alpha, windows, profile, unmodelled)
-            for what, alpha in accelerations.items()
-        }
-        best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
-        sure = scores[best.what] - scores[NORMAL.what] > SURE
-        if sure and scores[best.what] - scores[second.what] > DISTINCT:
-            return best
+        window = scores(int(np.searchsorted(t, t[end - 1] - window_s)), end)
+        earlier = np.sum(parts[round(window_s / WINDOWS_S[0]) :], axis=0)
+        possible &= sudden | (earlier >= -SURE)
+        ranked = np.where(possible, window, -np.inf)
+        second, best = np.argsort(ranked)[-2:]
+        least = max(SURE, ranked[second] + DISTINCT, window.max() - SURE)
+        if ranked[best] > least:
+            return FAULTS[int(best)]
     return None
 
 
@@ -164,24 +204,33 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
     if fault is None:
         return trip
     return Trip(
-        f"{fault.what}: {trip}", "this fault alone explains how the rig moved before.", fault.fix
+        f"{fault.what}: {trip}",
+        "of all wiring faults, only this one explains how the rig moved before the flight ended.",
+        fault.fix,
     )
 
 
-def _windows(
-    t: np.ndarray, angle: np.ndarray, profile: Profile, window_s: float
-) -> dict[int, slice]:
+def _last_free(t: np.ndarray, angle: np.ndarray, profile: Profile) -> int:
+    """Return the number of rows until the last one in which the axes were free to move.
+
+    After these rows, pitch was at its stop, or the arm lay on the table. An arm that never left the
+    table counts as free: pitch and yaw may turn there.
+    """
+    beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
+    end = int(beyond[0]) if len(beyond) else len(t)
+    height = np.abs(angle[:end, 0] - profile.encoder.rest_rad[0])
+    above = np.flatnonzero(height > ON_TABLE)
+    if len(above):
+        landed = np.flatnonzero(height[above[-1] :] < ON_TABLE / 3)
+        end = int(above[-1] + landed[0]) if len(landed) else end
+    return end
+
+
+def _windows(angle: np.ndarray, profile: Profile, first: int, end: int) -> dict[int, slice]:
     """Return the rows to fit for each axis (0 roll, 1 pitch, 2 yaw) that moved: axis → slice.
 
-    They are the rows of the last ``window_s`` seconds in which the axis was free to move.
+    They are the rows from ``first`` to ``end`` in which the axis was free to move.
     """
-    end = len(t)
-    beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
-    if len(beyond):
-        end = int(beyond[0])
-    if end < SHORTEST:
-        return {}
-    first = int(np.searchsorted(t, t[end - 1] - window_s))
     rest = float(profile.encoder.rest_rad[0])
     q = np.abs(profile.encoder.rad_per_count)
     rows_of = {}

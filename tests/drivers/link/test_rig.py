@@ -184,6 +184,27 @@ def test_a_rig_that_sends_nothing_is_an_error(stream: bool):
 
 
 @MODES
+def test_a_rig_that_sends_only_malformed_bytes_is_not_silent(stream: bool):
+    rig, line = open_direct(stream=stream)
+    rig.arm()
+    line.to_host = lambda data: b"\x55" * (len(data) - 1) + b"\0" if data else b""
+    with pytest.raises(DeviceError, match=r"no valid frame for .*, but \d+ malformed") as caught:
+        send(rig, 1)
+    assert "baud rate" in caught.value.cause
+
+
+@MODES
+def test_a_device_that_answers_but_sends_no_samples_is_named(stream: bool):
+    rig, line = open_direct(stream=stream)
+    rig.arm()
+    echoed(rig, 1)
+    line.to_host = Dropping(SampleFrame, 10**6)
+    with pytest.raises(DeviceError, match="no valid sample") as caught:
+        send(rig, 2)
+    assert caught.value.cause.startswith("the device answers requests but sends no samples")
+
+
+@MODES
 def test_a_restarted_device_has_its_own_error(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()

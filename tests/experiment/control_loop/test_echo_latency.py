@@ -53,6 +53,15 @@ def test_a_lost_command_is_unacknowledged_and_never_echoed() -> None:
     assert (result.commands_unacknowledged, result.commands_never_echoed) == (9, 9)
 
 
+def test_commands_to_a_device_that_stops_listening_were_never_echoed() -> None:
+    meter = EchoMeter(DT)
+    for k in range(1, 101):
+        meter.exchanged(k, k * DT, sample(min(k, 53), (k + 1) * DT))
+    result = meter.measured()
+    assert result is not None
+    assert (result.commands_unacknowledged, result.commands_never_echoed) == (47, 47)
+
+
 def test_the_worst_latency_is_exact() -> None:
     meter = EchoMeter(DT)
     for k in range(1, 101):

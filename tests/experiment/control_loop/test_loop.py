@@ -268,6 +268,20 @@ def test_lost_samples_are_skipped_and_the_references_keep_wall_time() -> None:
     np.testing.assert_allclose([r.reference[0] for r in rows], t / DT * 1e-4, atol=1e-12)
 
 
+def test_a_gap_of_samples_across_the_plans_end_is_judged() -> None:
+    rig = ScriptedRig(late=lambda k: 40 * DT if k == 80 else 0.0)
+    outcome, _ = flown(rig, monitors=[lambda now: "a gap" if now.skipped > 25 else None])
+    assert (outcome.ending, outcome.detail, outcome.periods) == ("tripped", "a gap", 80)
+
+
+def test_an_emergency_stop_in_the_landing_is_no_completed_plan() -> None:
+    rig = ScriptedRig()
+    reason = Trip("emergency stop, by a second Ctrl-C", "a second signal.", "start again")
+    outcome, _ = flown(rig, stop_without_ramp=lambda: reason)
+    assert outcome.detail == "the landing was cut short; emergency stop, by a second Ctrl-C"
+    assert outcome.advice()["fix"] == "start again"
+
+
 @pytest.mark.parametrize(("skipped", "bridged"), [(15, 500), (40, 30)])
 def test_skipped_periods_do_not_change_the_rate_of_a_steady_turn(
     skipped: int, bridged: int, monkeypatch: pytest.MonkeyPatch

@@ -135,6 +135,17 @@ def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
     assert (*judged(time), time.device_skipped) == (*NOTHING, 0)
 
 
+def test_samples_lost_while_the_host_read_nothing_are_missed() -> None:
+    link = SimpleNamespace(lost=0, device_skipped=0, samples_stale=0)
+    rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
+    time = timekeeper(rig, DT)
+    time.start(sample(7.0, 100.0))
+    stream(time, 1, 10)
+    link.lost, link.samples_stale = 84, 400
+    time.arrived(sample(7 + 495 * DT, 100 + 495 * DT), 100 + 10 * DT + 1e-4)
+    assert (time.missed, time.lost) == (484, 0)
+
+
 def test_host_time_and_device_time_report_the_same_delay() -> None:
     away = 4.4 * DT
     host, device = started(HostDeadlines), started(DeviceDeadlines)
