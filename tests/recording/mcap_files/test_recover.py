@@ -184,7 +184,7 @@ def test_samples_are_recovered_without_the_profile(tmp_path: Path, whole: Path) 
     assert result.samples == 400
     with pytest.raises(RecordingError, match="no profile") as caught:
         read_recording(result.path)
-    assert "--profile" in caught.value.fix
+    assert "profile=" in caught.value.fix
     good = read_recording(whole)
     assert read_recording(result.path, good.profile).digest == good.digest
 

@@ -112,7 +112,7 @@ def test_a_foreign_file_needs_a_profile(tmp_path: Path) -> None:
     path = json_file(tmp_path / "a.mcap", {"/log": list(zip(times, messages, strict=True))})
     with pytest.raises(RecordingError, match="no profile") as caught:
         read_recording(path)
-    assert "--profile" in caught.value.fix
+    assert "profile=" in caught.value.fix
 
 
 def test_an_undecodable_message_is_named(tmp_path: Path) -> None:
