@@ -8,7 +8,7 @@ extra:
 
 Without noise, the residual e is zero except in rows in which the controller is not linear: where a
 rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such rows hardly affect. A
-row is left out if it, or one of the n rows before it, is at the voltage limit.
+row is left out if in it, or in one of the n rows before it, a motor is off or at its limit.
 
 If n is larger than the controller's order, the law has superfluous modes, which B and R cancel. A
 mode with |z_i| > 1 would grow in a simulated flight. So modes outside the unit circle are moved
@@ -27,7 +27,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_task import under_control
-from heli3dof.model.control.unexplained_share import AT_LIMIT, unexplained_share
+from heli3dof.model.control.unexplained_share import is_limited, unexplained_share
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.recording.recording import Recording
@@ -85,7 +85,7 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     None if ``r`` has too few rows.
     """
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
-    limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
+    limited = is_limited(r.voltage, r.profile.motor.v_max)
     near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0
     k = np.flatnonzero(~near_limit)
     k = k[k >= n]
