@@ -65,6 +65,14 @@ def test_rows_with_a_motor_off_do_not_change_the_law(steps: Recording, motors: l
     np.testing.assert_array_equal(law.B, expected.B)
 
 
+def test_lost_samples_do_not_change_the_law(steps: Recording) -> None:
+    kept = np.flatnonzero(np.random.default_rng(0).random(len(steps)) > 0.1)
+    law, expected = identified_controller(steps.rows(kept)), identified_controller(steps)
+    assert law is not None
+    assert expected is not None
+    np.testing.assert_allclose(law.B[0], expected.B[0], atol=0.01)
+
+
 def test_superfluous_modes_of_a_law_do_not_grow(steps: Recording) -> None:
     """An order above the controller's adds modes that the voltages do not determine."""
     for order in (4, 5, 6):
