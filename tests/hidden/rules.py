@@ -207,9 +207,9 @@ RULES = (
         lambda rule, torques: (tuple(torques), ()),
     ),
     Rule(
-        "scores differ by an effect's inexact formula and drift",
-        DIAGNOSIS + "search.select:tie_margin",
-        _always(6.0),
+        "correlated causes, inexact formulas and drift confound",
+        DIAGNOSIS + "search.select:are_confounded",
+        lambda rule, s, best, other: best.score - other.score < 6.0,
     ),
     Rule(
         "the noise floor contains coloured noise",

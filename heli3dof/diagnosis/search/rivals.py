@@ -62,16 +62,18 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     least = MIN_RELATIVE_Z2 * max(c.statistic for c in [best, *others])
     close = sorted((c for c in others if least < c.statistic), key=lambda c: -c.statistic)
     compared = [best, *close[: MAX_COMPARED - 1]]
-    return compared if close and max(relative_bias(nulls, compared)) > SIGMAS_997 else []
+    is_biased = any(bias > SIGMAS_997 for bias in relative_bias(nulls, compared))
+    return compared if close and is_biased else []
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
     """Return |z̄|/√κ, the bias of the score test relative to its scatter, for each candidate.
 
     z̄ is the mean of the candidate's score z over the null simulations, κ the variance inflation of
-    all scores there. Candidates that the score test cannot detect are omitted.
+    all scores there. Candidates that the score test cannot detect are omitted. So are scanned ones:
+    the mean of a largest z is positive even without bias.
     """
-    at = [c.probe for c in candidates if c.probe is not None]
+    at = [c.probe for c in candidates if c.probe is not None and not c.term.effect.scan]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
 

@@ -4,15 +4,18 @@ Z² of the score test shows whether any effect is present; full fits (`search.ca
 show which one, by their score: BIC for the bias-corrected log-likelihood. The current fit, without
 a further cause, has the score 0.
 
-Two candidates are **confounded** if their scores differ by less than (`tie_margin`)
+Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
 
-    max(`TIE`, `FORMULA_ERROR` · score) + 2 √score · `DRIFT` |z̄|/√κ · √(2 (1 − |ρ|))
+    min(S − S′, (1 − ρ²) S) < max(`TIE`, `FORMULA_ERROR` · S) + 2 √S ε √(2 (1 − |ρ|))
+    ε² = (`DRIFT` z̄)²/κ + 1/B
 
-score is the better candidate's score. |z̄| is the larger absolute mean of their probes' z over the
-nulls, κ the nulls' variance inflation. ρ is the correlation of the changes of predicted readings by
-the two probes, with the fit's parameters projected out. The last summand is the error of the bias
-correction: z̄ was simulated without the cause. It is omitted if a candidate has no probe, or was
-scanned. The rules (`best_choice`):
+ρ is the correlation of the changes of predicted readings by the two probes, with the fit's
+parameters projected out. The second candidate explains the share ρ² of S, so (1 − ρ²) S is the
+expected difference; a larger one is chance or an error of a formula, and separates nothing. ε is
+the error of the bias correction, in standard deviations: z̄ was simulated without the cause, in B
+flights. |z̄| is the larger absolute mean of the probes' z over the nulls, κ the nulls' variance
+inflation. If a candidate has no probe, or was scanned, ρ and ε count as 0. The rules
+(`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
 2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.threshold_of`). In addition, it
@@ -113,8 +116,7 @@ def best_choice(
 
     def qualifies(f: CandidateFit) -> bool:
         least = nulls.threshold_of(f.term)
-        confounded = fits[0].score - f.score < tie_margin(s, fits[0], f)
-        return least <= f.statistic and (confounded or least <= f.score)
+        return least <= f.statistic and (least <= f.score or are_confounded(s, fits[0], f))
 
     qualified = [i for i, f in enumerate(fits) if qualifies(f)]
     if not qualified:
@@ -128,7 +130,7 @@ def best_choice(
         k = formal[0]
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
-    close = [f for f in below if best.score - f.score < tie_margin(s, best, f)]
+    close = [f for f in below if are_confounded(s, best, f)]
     confounded = tuple(f.term.name for f in (*above, *close))
     # The probability that the cause is the chosen one or one confounded with it.
     apart = [f.score for f in below if f not in close]
@@ -149,12 +151,15 @@ def certainty(scores: Sequence[float]) -> float:
     return float(softmax(np.array(scores) / 2)[0])
 
 
-def tie_margin(s: Screening, best: CandidateFit, other: CandidateFit) -> float:
-    """Return the difference of scores below which two candidates are confounded."""
-    plain = max(TIE, FORMULA_ERROR * best.score)
+def are_confounded(s: Screening, best: CandidateFit, other: CandidateFit) -> bool:
+    """Return whether the scores do not separate two candidates; ``best`` has the higher one."""
+    difference, score = best.score - other.score, max(best.score, 0.0)
+    margin = max(TIE, FORMULA_ERROR * score)
     a, b = best.probe, other.probe
-    if a is None or b is None or max(a, b) >= len(s.screen.plain):
-        return plain
-    drift = DRIFT * max(abs(s.nulls.mean[a]), abs(s.nulls.mean[b])) / np.sqrt(s.nulls.inflation)
-    apart = np.sqrt(2 * (1 - min(abs(s.screen.correlation(a, b)), 1.0)))
-    return float(plain + 2 * np.sqrt(max(best.score, 0.0)) * drift * apart)
+    if a is not None and b is not None and max(a, b) < len(s.screen.plain):
+        rho, nulls = min(abs(s.screen.correlation(a, b)), 1.0), s.nulls
+        difference = min(difference, (1 - rho**2) * score)
+        drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
+        error = np.hypot(drift, nulls.flights**-0.5 if nulls.flights else 0.0)
+        margin += 2 * np.sqrt(score) * error * np.sqrt(2 * (1 - rho))
+    return bool(difference < margin)

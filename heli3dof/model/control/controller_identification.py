@@ -8,7 +8,8 @@ extra:
 
 Without noise, the residual e is zero except in rows in which the controller is not linear: where a
 rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such rows hardly affect. A
-row is left out if it, or one of the n rows before it, is at the voltage limit.
+row is left out if a motor is off or at its limit in it, or if a sample is missing before it. The n
+rows after it are left out, too.
 
 If n is larger than the controller's order, the law has superfluous modes, which B and R cancel. A
 mode with |z_i| > 1 would grow in a simulated flight. So modes outside the unit circle are moved
@@ -27,9 +28,10 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_task import under_control
-from heli3dof.model.control.unexplained_share import AT_LIMIT, unexplained_share
+from heli3dof.model.control.unexplained_share import is_limited, unexplained_share
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.linear_controller import LinearController
+from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.recording import Recording
 
 ORDERS = (1, 2, 3, 4)
@@ -85,9 +87,9 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     None if ``r`` has too few rows.
     """
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
-    limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
-    near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0
-    k = np.flatnonzero(~near_limit)
+    broken = is_limited(r.voltage, r.profile.motor.v_max)
+    broken[1:] |= ticks(r.t).missing > 0
+    k = np.flatnonzero(np.convolve(broken, np.ones(n + 1))[: len(r)] == 0)
     k = k[k >= n]
     reference = np.nan_to_num(r.reference[:, [r.has_reference(a) for a in AXES]])
     columns = [u[k - j] for j in range(1, n + 1)] + [y[k - j] for j in range(n + 1)]

@@ -23,6 +23,17 @@ AT_LIMIT = 0.98
 """Share of v_max from which a voltage counts as limited. Chosen."""
 
 
+def is_limited(voltage: np.ndarray, v_max: float) -> np.ndarray:
+    """Return (N,) bool: rows in which a motor is at its limit, or off (exactly 0 V).
+
+    No linear law explains these voltages (N, 2) V: the controller does not determine them.
+
+    >>> is_limited(np.array([[6.0, 7.0], [6.0, 10.0], [0.0, 7.0]]), v_max=10.0).tolist()
+    [False, True, True]
+    """
+    return np.asarray(((np.abs(voltage) >= AT_LIMIT * v_max) | (voltage == 0)).any(axis=1))
+
+
 def unexplained_share(
     t: np.ndarray,
     e: np.ndarray,

@@ -6,7 +6,8 @@ extra is the logged excitation. d is zero if the profile's controller flew the r
 controller adds a constant to the angles (half a count), or if its integrals do not start at zero, d
 gets a constant and a slope. Both are removed from d in each block of time. The **share** of the
 voltages that the controller does not explain is std(d)/std(v_logged)
-(`model.control.unexplained_share`). Rows at ±v_max or without an angle are left out.
+(`model.control.unexplained_share`). Rows with a motor off or at ±v_max, or without an angle, are
+left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
@@ -40,7 +41,7 @@ from heli3dof.model.control.controller import (
 )
 from heli3dof.model.control.controller_identification import identified_controller
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
-from heli3dof.model.control.unexplained_share import AT_LIMIT, unexplained_share
+from heli3dof.model.control.unexplained_share import is_limited, unexplained_share
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.recording import Recording
 
@@ -96,8 +97,8 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
         return None
     logged, voltage = np.clip(r.voltage, -v_max, v_max), _voltage(r)
     late = np.vstack([voltage[:1], voltage[:-1]])
-    below = [(np.abs(v) < AT_LIMIT * v_max).all(axis=1) for v in (logged, voltage, late)]
-    rows = np.logical_and.reduce([*below, np.isfinite(r.angle).all(axis=1)])
+    limited = [is_limited(v, v_max) for v in (logged, voltage, late)]
+    rows = np.isfinite(r.angle).all(axis=1) & ~np.logical_or.reduce(limited)
     d = logged - voltage
     t = (r.t - r.t[0])[rows]
     share = unexplained_share(t, d[rows], logged[rows], _detrended_std)

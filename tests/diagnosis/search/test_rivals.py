@@ -43,8 +43,9 @@ def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None
     assert W[1, 0] == pytest.approx(0.0)
 
 
-def candidate(name: str, Z2: float, probe: int | None) -> Any:
-    return SimpleNamespace(term=SimpleNamespace(name=name), statistic=Z2, probe=probe)
+def candidate(name: str, Z2: float, probe: int | None, scan: str = "") -> Any:
+    named = SimpleNamespace(name=name, effect=SimpleNamespace(scan=scan))
+    return SimpleNamespace(term=named, statistic=Z2, probe=probe)
 
 
 def choice(*candidates: Any) -> Choice:
@@ -64,13 +65,18 @@ def test_a_large_bias_lets_the_comparison_decide() -> None:
     assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == []
 
 
+def test_the_mean_of_a_largest_score_is_no_bias() -> None:
+    a, periodic = candidate("a", 70.0, 0), candidate("periodic", 60.0, 1, scan="frequency")
+    assert rivals(choice(a, periodic), nulls(1.0, 3.7)) == []
+
+
 def test_a_rival_that_cannot_be_simulated_is_not_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     def fitted(name: str) -> CandidateFit:
         structure = SimpleNamespace(free=[SimpleNamespace(term=name)])
         optimum = SimpleNamespace(at=SimpleNamespace(row=np.arange(10)))
         problem: Any = SimpleNamespace(structure=structure)
         probe = ["a", "b"].index(name)
-        return CandidateFit(SimpleNamespace(name=name), problem, optimum, 90.0, 70.0, probe)  # type: ignore[arg-type]
+        return CandidateFit(candidate(name, 70.0, probe).term, problem, optimum, 90.0, 70.0, probe)
 
     def correct(problem: Any, *args: object, **keywords: object) -> Any:
         name = problem.structure.free[0].term

@@ -13,7 +13,7 @@ from heli3dof.diagnosis.conclusion.adoption import with_positive_torque
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.search import select
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
-from heli3dof.diagnosis.search.select import Choice, certainty
+from heli3dof.diagnosis.search.select import Choice, are_confounded, certainty
 from heli3dof.diagnosis.search.steps import (
     Step,
     fit_with_cause,
@@ -112,7 +112,7 @@ def test_a_cause_below_the_screen_threshold_is_not_named(
         CandidateFit(screened, NONE, NONE, 8.0, 34.7, 1),
     ]
     monkeypatch.setattr(select, "fit_candidates", lambda *a: fits)
-    monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
+    monkeypatch.setattr(select, "are_confounded", lambda s, a, b: a.score - b.score < TIE)
     nulls = cast(
         Any, SimpleNamespace(threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0)
     )
@@ -127,6 +127,28 @@ def test_the_probability_of_a_name_follows_from_its_margin() -> None:
     assert certainty([26.0, 20.0]) == pytest.approx(np.exp(3) / (1 + np.exp(3)))
     assert certainty([20.0, 20.0]) == 0.5
     assert certainty([20.0]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("rho", "flights", "scores", "confounded"),
+    [
+        # Expected difference (1 − ρ²) S = 17, margin max(6, 0.03 · 850) = 25.5.
+        (0.99, 64, (850.0, 750.0), True),
+        (-0.99, 64, (850.0, 750.0), True),
+        (0.9, 64, (850.0, 750.0), False),
+        # Margin 12 + 2 √400 √(2 · 0.05)/√B: 13.6 with 64 flights, 16.5 with 8.
+        (0.95, 64, (400.0, 385.0), False),
+        (0.95, 8, (400.0, 385.0), True),
+    ],
+)
+def test_correlated_causes_and_few_flights_confound(
+    rho: float, flights: int, scores: tuple[float, float], confounded: bool
+) -> None:
+    screen = SimpleNamespace(plain=[NONE, NONE], correlation=lambda a, b: rho)
+    nulls = SimpleNamespace(mean=np.zeros(2), inflation=1.0, flights=flights)
+    best, other = (CandidateFit(NONE, NONE, NONE, x, 90.0, i) for i, x in enumerate(scores))
+    s = cast(Any, SimpleNamespace(screen=screen, nulls=nulls))
+    assert are_confounded(s, best, other) is confounded
 
 
 def test_a_periodic_torque_has_a_positive_amplitude() -> None:
@@ -148,7 +170,7 @@ def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
         CandidateFit(term("aero.inflow"), NONE, NONE, score, 44.0, 1),
         CandidateFit(term("friction.viscous.roll"), NONE, NONE, score - 1.0, 39.0, 2),
     ]
-    monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
+    monkeypatch.setattr(select, "are_confounded", lambda s, a, b: a.score - b.score < TIE)
     nulls = cast(
         Any, SimpleNamespace(threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0)
     )

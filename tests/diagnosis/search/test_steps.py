@@ -92,7 +92,7 @@ def test_a_stage_names_null_simulations_only_if_they_are_flown(
 def test_a_candidate_that_cannot_be_simulated_is_confounded_with_the_next_best(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
+    monkeypatch.setattr(select, "are_confounded", lambda s, a, b: a.score - b.score < TIE)
     pitch, roll = "friction.coulomb.pitch", "friction.coulomb.roll"
     step = step_of((pitch, 3982.0, 773.0), (roll, 1985.0, 193.0), remaining={})
     following = step.next_choice([pitch], None).choice

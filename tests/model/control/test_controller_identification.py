@@ -54,6 +54,27 @@ def test_the_gains_on_the_angles_are_those_of_the_controller(steps: Recording) -
     assert law.B[0] == pytest.approx(-(K[:, :3] + b0 * K[:, 3:6]), rel=0.01)
 
 
+@pytest.mark.parametrize("motors", [[0, 1], [0]])
+def test_rows_with_a_motor_off_do_not_change_the_law(steps: Recording, motors: list[int]) -> None:
+    """After a power cut, or if one motor stops, the voltages do not follow from the angles."""
+    cut = len(steps) * 4 // 5
+    voltage = steps.voltage.copy()
+    voltage[cut:, motors] = 0.0
+    law = identified_controller(replace(steps, voltage=voltage))
+    expected = identified_controller(steps.rows(slice(0, cut)))
+    assert law is not None
+    assert expected is not None
+    np.testing.assert_array_equal(law.B, expected.B)
+
+
+def test_lost_samples_do_not_change_the_law(steps: Recording) -> None:
+    kept = np.flatnonzero(np.random.default_rng(0).random(len(steps)) > 0.1)
+    law, expected = identified_controller(steps.rows(kept)), identified_controller(steps)
+    assert law is not None
+    assert expected is not None
+    np.testing.assert_allclose(law.B[0], expected.B[0], atol=0.01)
+
+
 def test_superfluous_modes_of_a_law_do_not_grow(steps: Recording) -> None:
     """An order above the controller's adds modes that the voltages do not determine."""
     for order in (4, 5, 6):
