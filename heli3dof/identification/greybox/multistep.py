@@ -133,7 +133,8 @@ class MultiStep:
             std.append(given if as_given else given / f.slope(mean))
         L = np.zeros((self.dim, self.dim))
         L[: self.n, : self.n] = np.diag(1 / np.square(std))
-        moves = np.any([f.free for f in self.flights], axis=0)
+        # Without flights, as in a prior alone, all axes count as moving.
+        moves = np.any([f.free for f in self.flights] or [np.ones(3, bool)], axis=0)
         first, *others = (self.structure.names.index(f"J_{AXES[i]}") for i in np.flatnonzero(moves))
         for j in (first, *others):
             L[j, j] = 0.0
