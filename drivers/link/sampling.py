@@ -63,7 +63,10 @@ class Sampling:
         return sample
 
     def first(self) -> Sample | None:
-        """Return the first sample after arming a rig without stream; None if none arrives."""
+        """Return the first sample after arming a rig that sends no stream of samples.
+
+        The result is None if no sample arrives.
+        """
         deadline = time.monotonic() + SILENCE_S
         while time.monotonic() < deadline:
             sample = self._newest()

@@ -229,9 +229,10 @@ def _two_steps(
 
 
 def change_places(n: int) -> Places:
-    """Return all models of changes in ``n`` flights: kind of change → flights of each model.
+    """Return {kind of change: models}, the possible changes in ``n`` flights.
 
-    `ChangePosterior.places` explains the result.
+    Each model is a tuple of flight numbers, such as (3,) for a step before flight 3
+    (`ChangePosterior.places`).
     """
     firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
     grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]

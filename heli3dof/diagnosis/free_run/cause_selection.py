@@ -258,9 +258,10 @@ def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
 
 
 def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
-    """Return the distance of a term's first parameter from its null value (no effect).
+    """Return the distance of a term's first parameter from its null value, in standard deviations.
 
-    The result is None if the term has no parameter, or if the parameter has no σ.
+    Null is the value without the effect. The result is None if the term has no parameter, or if the
+    fit gives no standard deviation.
     """
     j = first_parameters(fit.structure.free).get(name)
     if j is None:

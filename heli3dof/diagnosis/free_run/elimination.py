@@ -278,9 +278,10 @@ def without_term(
 
 
 def training_cost(current: FitWithFolds, trial: TermResult) -> float:
-    """Return by how much leaving out the trial's term increases the cost Q on the training blocks.
+    """Return by how much the cost Q on the training blocks increases without one term.
 
-    It is 0 if the trial left out whole recordings: such a trial stores no fits.
+    ``trial``: fits without the term; ``current``: fits with it. The result is 0 if whole recordings
+    were held out instead of blocks, because ``trial`` then contains no fits.
     """
     each = zip(trial.fits_without, current.folds, strict=False)
     return sum(less.cost - fit.cost for less, (fit, _) in each)

@@ -1,8 +1,9 @@
 """Simulate plans on a model in closed loop, to compute what the flights would show.
 
-A flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`). A
-plan that opens control loops is first simulated without noise, because its references depend on the
-motion (`heli3dof.model.control.controller`).
+A flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`),
+which needs the references of the whole flight. If a plan opens control loops, the references depend
+on the motion: a loop is closed again where its axis then stands. Such a plan is first simulated
+without noise, to get these references (`heli3dof.model.control.controller`).
 """
 
 from __future__ import annotations

@@ -170,7 +170,7 @@ def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
 
 
 def least_odds(W: np.ndarray) -> np.ndarray:
-    """Return min_{j≠k} W_kj (K,): each rival k's log odds against its strongest opponent j.
+    """Return min_{j≠k} W_kj (K,): twice each rival k's log odds against its strongest opponent j.
 
     ``W`` (K, K): twice the log odds of rival k (row) against rival j (column).
     """

@@ -38,7 +38,7 @@ class Screening:
 
     @cached_property
     def Z(self) -> np.ndarray:
-        """Return the standardised scores (P,) of the recordings."""
+        """Return the standardised scores (P,) of P trial effects in the recordings."""
         return self.nulls.standardised(self.recorded)
 
     @cached_property

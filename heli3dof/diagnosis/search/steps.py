@@ -63,8 +63,8 @@ class Step(Screening):
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
         """Return the ``untested`` terms whose log-likelihood gain justifies a full fit.
 
-        Each is returned with its trial value. If flights can be simulated, the gain must also
-        exceed that in null simulations.
+        Each is returned with the parameter value of largest log-likelihood among the values tried.
+        If flights can be simulated, the gain must also exceed that in null simulations.
         """
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)

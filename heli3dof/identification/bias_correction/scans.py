@@ -145,7 +145,7 @@ def as_one_recording(S: float, R: int) -> float:
 
 @dataclass(frozen=True)
 class Instants:
-    """The scan for a torque that starts at any instant t_0 of the flight, as an added mass does."""
+    """The scan for a torque that starts at an unknown instant t_0, such as an added mass's."""
 
     term: Term
 

@@ -10,8 +10,9 @@ such a κ, even if unmodelled motion causes it. The correction simulates flights
 
 On an extreme limit cycle, even the corrected inertia may be several times too small. Then the
 recordings' scores still scatter more than those of the simulated flights. In this case
-`without_bias` fits a second time, with the process noise of the base simulation
-(`closed_loop_fit.base_fit`). It returns the fit with the smaller ratio of the two scatters.
+`without_bias` fits a second time, with the process noise that a diagnosis would estimate
+(`closed_loop_fit.base_fit`). Of the two fits it returns the one whose simulated flights have more
+nearly the recordings' scatter.
 """
 
 from __future__ import annotations

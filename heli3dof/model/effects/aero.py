@@ -32,7 +32,7 @@ def flapping(s: Any, par: Any, mem: Any, out: Any) -> None:
 
     At the travel speed L_a ψ̇ (arm length times yaw rate) the advancing blades lift more than the
     retreating ones. Two propellers that turn in the same direction then exert a moment about the
-    arm; k is in N·m·s/rad.
+    arm's long axis, the axis of pitch; k is in N·m·s/rad.
     """
     out[1] += par[A] * s[PSI_DOT]
 
