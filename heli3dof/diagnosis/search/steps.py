@@ -122,9 +122,9 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 
     If the last step chose a cause, no rival is added.
     """
-    last = steps[-1]
-    if last.choice is not None:
+    if not steps or steps[-1].choice is not None:
         return list(steps)
+    last = steps[-1]
     Z2 = {t.name: Z2 for t, Z2, _ in last.ranked if last.nulls.threshold_of(t) <= Z2}
     out = []
     for s in steps:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis import diagnose as diagnose_module
-from heli3dof.diagnosis.constants import TIE
+from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
 from heli3dof.diagnosis.diagnose import FULL, diagnose, forward_selection
 from heli3dof.diagnosis.search import select
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
@@ -87,6 +87,16 @@ def test_a_stage_names_null_simulations_only_if_they_are_flown(
     setup, fit = SimpleNamespace(controller_is_known=True), SimpleNamespace(is_corrected=flies)
     forward_selection(cast(Any, setup), cast(Any, fit), (), FULL, StageClock(said.append))
     assert said[0] == stage
+
+
+def test_no_cause_is_searched_beyond_the_largest_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagnose_module, "off_nominal", lambda fit: ())
+    earlier = [SimpleNamespace(score=30.0, candidates=[SimpleNamespace(probe=1)])] * MAX_CAUSES
+    fit: Any = SimpleNamespace()
+    found = forward_selection(
+        cast(Any, None), fit, cast(Any, earlier), FULL, StageClock(lambda _: None)
+    )
+    assert found == ([], fit)
 
 
 def test_a_candidate_that_cannot_be_simulated_is_confounded_with_the_next_best(
