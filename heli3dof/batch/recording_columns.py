@@ -9,7 +9,6 @@ and ``pitch_start_deg_std`` contain the standard deviation of an encoder's round
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.recording.info import summary
 from heli3dof.recording.recording import Recording
+from heli3dof.rig.url import parse_url
 
 COLUMNS: Mapping[str, str] = {
     "recording": "path or URL as given",
@@ -98,5 +98,6 @@ def _serial(made: Mapping[str, Any]) -> str | None:
     draws the rig's parameters (option ``spread``) or an exercise defines them.
     """
     identity, device = made.get("identity"), str(made.get("device", ""))
-    noise_only = device.startswith("mock:") and not re.search(r"[?&](spread|exercise)=", device)
+    is_emulated = device.startswith("mock:")
+    noise_only = is_emulated and not {"spread", "exercise"} & parse_url(device).options.keys()
     return None if noise_only or not isinstance(identity, Mapping) else identity.get("serial")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.recording.recording import Recording
 
@@ -35,7 +36,7 @@ def _rig_numbers(r: Recording) -> dict[str, float]:
     parts = {"geometry": p.geometry, "mass": p.mass}
     numbers = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
     numbers["motor.K_f"] = p.motor.K_f
-    for axis in ("roll", "pitch", "yaw"):
+    for axis in AXES:
         numbers[f"encoder.{axis}"] = float(getattr(p.encoder, axis))
         numbers[f"inertia.{axis}"] = getattr(p.inertia, axis, None) or 0.0  # 0: from the masses
     return numbers
