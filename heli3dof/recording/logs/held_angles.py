@@ -11,10 +11,10 @@ rows from one change of its count to the next:
 
 So m is the typical g between two successive changes of two counts or more in the same direction,
 and no change, however small, follows another much earlier. Slow or still axes change by single
-counts and are not tested. A count is the smallest change of the
-logged angle, and at least the encoder's step, because a log may print fewer digits.
+counts and are not tested. A count is the smallest change of the logged angle, and at least the
+encoder's step, because a log may print fewer digits.
 
-The host's lateness also delays some changes, but its g scatter.
+A late host delays some changes, too, but then the values of g scatter.
 """
 
 from __future__ import annotations
