@@ -107,13 +107,19 @@ def test_samples_that_came_while_the_host_was_away_are_missed() -> None:
     assert judged(time) == NOTHING
 
 
-def test_the_links_count_of_lost_samples_is_used() -> None:
-    # While the host was away two samples came and were passed over, and one was lost.
-    link = SimpleNamespace(lost=7)
+def after_ten_samples(link: SimpleNamespace) -> VirtualDeadlines:
+    """The clock of a rig that streams by its own clock, with these counters of the link."""
     rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
     time = timekeeper(rig, DT)
     time.start(sample(7.0, 100.0))
     stream(time, 1, 10)
+    return time
+
+
+def test_the_links_count_of_lost_samples_is_used() -> None:
+    # While the host was away two samples came and were passed over, and one was lost.
+    link = SimpleNamespace(lost=7)
+    time = after_ten_samples(link)
     link.lost = 8
     time.arrived(sample(7 + 14 * DT, 100 + 14 * DT + 0.0004), 100 + 10 * DT + 1e-4)
     assert judged(time) == (2 * DT + 0.0004, 2, 1)
@@ -124,10 +130,7 @@ def test_the_links_count_of_lost_samples_is_used() -> None:
 def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
     # One sample was lost, three the device never made, and one came while the host was away.
     link = SimpleNamespace(lost=7, device_skipped=2, samples_stale=1)
-    rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
-    time = timekeeper(rig, DT)
-    time.start(sample(7.0, 100.0))
-    stream(time, 1, 10)
+    time = after_ten_samples(link)
     link.lost, link.device_skipped, link.samples_stale = 8, 5, 2
     time.arrived(sample(7 + 16 * DT, 100 + 16 * DT + 0.0004), 100 + 10 * DT + 1e-4)
     assert (*judged(time), time.device_skipped) == (DT + 0.0004, 1, 1, 3)
@@ -137,10 +140,7 @@ def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
 
 def test_samples_lost_while_the_host_read_nothing_are_missed() -> None:
     link = SimpleNamespace(lost=0, device_skipped=0, samples_stale=0)
-    rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
-    time = timekeeper(rig, DT)
-    time.start(sample(7.0, 100.0))
-    stream(time, 1, 10)
+    time = after_ten_samples(link)
     link.lost, link.samples_stale = 84, 400
     time.arrived(sample(7 + 495 * DT, 100 + 495 * DT), 100 + 10 * DT + 1e-4)
     assert (time.missed, time.lost) == (484, 0)
