@@ -18,6 +18,7 @@ MAY_IMPORT = {
     "file_kind": {"errors"},
     "axes": set(),
     "arrays": set(),
+    "distributions": set(),
     "toml_file": {"errors", "file_kind"},
     "parallel": set(),
     "plugins": set(),
@@ -26,7 +27,8 @@ MAY_IMPORT = {
     "results": {"errors"},
     "rig": {"errors", "file_kind", "arrays", "axes", "plugins", "toml_file", "write_errors"},
     "recording": {
-        "errors", "file_kind", "results", "arrays", "axes", "plugins", "rig", "write_errors",
+        "errors", "file_kind", "results", "arrays", "axes", "distributions", "plugins", "rig",
+        "write_errors",
     },
     "model": {
         "errors", "file_kind", "json_values", "arrays", "axes", "plugins", "rig", "recording",
@@ -36,8 +38,8 @@ MAY_IMPORT = {
     },
     "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
-        "errors", "file_kind", "json_values", "results", "arrays", "axes", "parallel", "plugins",
-        "stage_clock", "rig", "recording", "model",
+        "errors", "file_kind", "json_values", "results", "arrays", "axes", "distributions",
+        "parallel", "plugins", "stage_clock", "rig", "recording", "model",
     },
     "effect_files": {"errors", "file_kind", "axes", "rig", "model", "identification"},
     "comparison": {
@@ -48,8 +50,8 @@ MAY_IMPORT = {
     "paper": {"errors", "file_kind", "axes", "rig", "recording", "model", "comparison"},
     "integrity": {"errors", "axes", "plugins", "rig", "recording", "model", "identification"},
     "diagnosis": {
-        "errors", "results", "arrays", "axes", "parallel", "stage_clock", "rig", "recording",
-        "model", "experiment", "identification", "comparison", "integrity",
+        "errors", "results", "arrays", "axes", "distributions", "parallel", "stage_clock", "rig",
+        "recording", "model", "experiment", "identification", "comparison", "integrity",
     },
     "batch": {
         "errors", "file_kind", "json_values", "results", "axes", "parallel", "toml_file",

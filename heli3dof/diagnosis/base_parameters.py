@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.constants import FALSE_ALARMS
+from heli3dof.distributions import normal_cdf, normal_isf
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import (
@@ -81,9 +82,7 @@ def quantile() -> float:
     >>> round(quantile(), 2)
     3.24
     """
-    from scipy.stats import norm
-
-    return float(norm.isf(FALSE_ALARMS / len(FINDINGS)))
+    return float(normal_isf(FALSE_ALARMS / len(FINDINGS)))
 
 
 def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:
@@ -140,12 +139,10 @@ def std_inflation(fit: PhysicalFit) -> float:
 
 
 def _off(c: BaseParameter, tolerance: float, f: float) -> OffNominal:
-    from scipy.stats import norm
-
     ratio, ratio_std = c.value / c.nominal, c.std / abs(c.nominal)
     score = ((c.value - c.nominal) / c.std) ** 2
     flight_score = float((c.x / c.noise_std) ** 2) if c.noise_std > 0 else 0.0
-    confidence = float(norm.cdf(c.excess(tolerance) / np.hypot(c.scale, f * c.noise_std)))
+    confidence = float(normal_cdf(c.excess(tolerance) / np.hypot(c.scale, f * c.noise_std)))
     cause = term(FINDINGS[c.name])
     if c.name == "T_g":
         return OffNominal(cause, c.value - c.nominal, c.std, score, confidence, flight_score)

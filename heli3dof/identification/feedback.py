@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.distributions import chi2_sf
 from heli3dof.identification.black_box.pbsid import Pair, past, varx
 
 LEVEL = 1e-3
@@ -49,8 +50,6 @@ def feedback_test(data: Sequence[Pair]) -> Feedback:
 
     ``data`` has a pair per segment without gaps: voltages (N, 2) V, angles (N, 3) rad.
     """
-    from scipy.stats import chi2
-
     p, h = ORDER, LAGS
     long = [(u, y) for u, y in data if len(u) > 3 * p]
     fit = varx(long, p)
@@ -78,7 +77,7 @@ def feedback_test(data: Sequence[Pair]) -> Feedback:
         )
         q += N * float(np.sum(R**2))
         share += float(np.sum(R**2)) / 2
-    p_value = float(chi2.sf(q, dof))
+    p_value = float(chi2_sf(q, dof))
     present = p_value < LEVEL and share > SHARE_MIN
     return Feedback(q, dof, p_value, share, present, _sentence(q, dof, p_value, share, present))
 

@@ -28,6 +28,8 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.distributions import chi2_isf, chi2_sf
+
 LEVEL = 0.01
 """Significance level of both tests"""
 
@@ -123,8 +125,6 @@ def _explained(e: np.ndarray, z: np.ndarray) -> float:
 def _result(
     name: str, statistic: float, dof: int, N: int, e: np.ndarray, z: np.ndarray
 ) -> ResidualTest:
-    from scipy.stats import chi2
-
     # q regressors explain a share q/N of white noise: subtract it.
     l, q = e.shape[1], z.shape[1]
     raw = _explained(e, z) / l
@@ -134,8 +134,8 @@ def _result(
         name,
         statistic,
         dof,
-        float(chi2.sf(statistic, dof)),
-        float(chi2.ppf(1 - LEVEL, dof)),
+        float(chi2_sf(statistic, dof)),
+        float(chi2_isf(LEVEL, dof)),
         share,
         N,
     )

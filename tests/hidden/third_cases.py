@@ -24,6 +24,8 @@ CONTROLLER_KNOWN = 0.75
 """Share of the cases"""
 NAMED = tuple(sorted(set(THIRD) - set(OUTSIDE)))
 BASE = ("inertia", "mass", "motor.thrust_gain")
+COUNTER_ROTATING = "aero.counter_rotation"
+"""Name of a reaction torque whose propellers turn in opposite directions"""
 UNRATED_VALUES = ("aero.ground_effect", "aero.reaction_torque")
 """Their formulas have other parameters than the contract's"""
 
@@ -78,7 +80,7 @@ class ThirdCase(Case):
         unseen: list[str] = []
         values: dict[str, dict[str, float]] = {}
         for h in self.flights.hidden:
-            name = h.effect.name
+            name = COUNTER_ROTATING if h.more.get("reaction_back") == -1.0 else h.effect.name
             hidden_well = h.ratio < WEAK or name in NEVER_SEEN
             (unseen if hidden_well else names).append(name)
             values[name] = {}

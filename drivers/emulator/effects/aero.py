@@ -13,6 +13,7 @@ components ω_a along the arm and ω_b along the body's bar (`lagrange`). a, h�
   front rotor, − for the back rotor.
 - Reaction torque: both propellers turn in the same direction; the torque M = κ (F_f + F_b) acts on
   the body about n. By virtual work: Q_r = M sin p, Q_p = 0, Q_ψ = M cos r cos p.
+- Counter-rotation: the propellers turn in opposite directions, so that M = κ (F_f − F_b).
 - Gyroscopic torque of the rotors' angular momentum H = k (V_f + V_b) n: −ω × H, i.e.
   Q_r = −H cos p ω_a, Q_p = −H ω_b, Q_ψ = −H sin r ω_b + H cos r sin p ω_a (it does no work).
 """
@@ -69,6 +70,13 @@ def reaction_torque(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
 
 
 @kernel
+def counter_rotation(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
+    twist = par[A] * (s[F_FRONT] - s[F_BACK])
+    out[0] += twist * math.sin(s[P])
+    out[2] += twist * math.cos(s[R]) * math.cos(s[P])
+
+
+@kernel
 def gyroscopic(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     H = par[A] * (s[V_FRONT] + s[V_BACK])
     sr, cr, sp, cp = math.sin(s[R]), math.cos(s[R]), math.sin(s[P]), math.cos(s[P])
@@ -105,6 +113,13 @@ EFFECTS = (
         parameters=(Parameter("torque_per_thrust_m", "m", -0.2, 0.2, "κ, N·m per N"),),
         example="aero.reaction_torque:0.02",
         kernels={Stage.TORQUE: reaction_torque},
+    ),
+    Effect(
+        name="aero.counter_rotation",
+        summary="The torque κ (F_f − F_b) of opposite propellers on the body about its normal.",
+        parameters=(Parameter("torque_per_thrust_m", "m", -0.2, 0.2, "κ, N·m per N"),),
+        example="aero.counter_rotation:0.02",
+        kernels={Stage.TORQUE: counter_rotation},
     ),
     Effect(
         name="aero.gyroscopic",

@@ -67,6 +67,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, gain_interval_positive
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
+from heli3dof.distributions import normal_cdf
 from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.identification.greybox.thrust_scale import ThrustScale, thrust_scale
@@ -308,10 +309,8 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
     v is the term's first parameter, v_0 its value in a rig without the effect. A term without v_0,
     such as a limit, gives 1.
     """
-    from scipy.stats import norm
-
     size = effect_size(fit, name)
-    return 1.0 if size is None else float(norm.cdf(abs(size[0]) / size[1]))
+    return 1.0 if size is None else float(normal_cdf(abs(size[0]) / size[1]))
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:

@@ -59,6 +59,7 @@ from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.select import Choice, with_ties
 from heli3dof.diagnosis.validation.cross_validation import row_by_row
 from heli3dof.diagnosis.validation.gain import CELL_S
+from heli3dof.distributions import normal_cdf
 from heli3dof.errors import RecordingError
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
@@ -271,6 +272,4 @@ def ranking_probability(difference: float, s: float) -> float:
     >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
     (0.84, 1.0)
     """
-    from scipy.stats import norm
-
-    return float(norm.cdf(difference / s)) if s > 0 else float(difference > 0)
+    return float(normal_cdf(difference / s)) if s > 0 else float(difference > 0)

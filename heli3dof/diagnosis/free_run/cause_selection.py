@@ -57,6 +57,7 @@ from heli3dof.diagnosis.free_run.elimination import (
 )
 from heli3dof.diagnosis.free_run.refits import recording_indices, refit
 from heli3dof.diagnosis.result import UndecidedTerms
+from heli3dof.distributions import chi2_sf, normal_isf
 from heli3dof.identification.greybox.freeflight import WEIGHT
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
@@ -288,7 +289,5 @@ def equivalent_deviation(chi2: float, freedom: int) -> float:
 
     ``freedom``: degrees of freedom of the χ² distribution.
     """
-    from scipy.stats import chi2 as law
-    from scipy.stats import norm
 
-    return float(norm.isf(max(law.sf(chi2, freedom), 1e-300) / 2))
+    return float(normal_isf(max(chi2_sf(chi2, freedom), 1e-300) / 2))

@@ -47,6 +47,7 @@ import numpy as np
 from heli3dof.diagnosis.constants import DRIFT, FALSE_ALARMS
 from heli3dof.diagnosis.search.catalogue import candidates
 from heli3dof.diagnosis.search.score_test import Screen, ScreenResult
+from heli3dof.distributions import chi2_isf, t_isf, t_sf
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     model_at,
@@ -93,23 +94,19 @@ class Nulls:
         Terms that only write the rigid body's equations in another form have a threshold of their
         own. Its Bonferroni correction counts only these terms of the catalogue.
         """
-        from scipy.stats import t
-
         if not term.effect.formal:
             return self.threshold
         forms = sum(other.effect.formal for other in candidates())
         spread = 1 + 1 / self.flights if self.flights else 2.0
-        return float(spread * t.isf(FALSE_ALARMS / (2 * forms), self.freedom) ** 2)
+        return float(spread * t_isf(FALSE_ALARMS / (2 * forms), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
         """Return the probability exp(−P p) that none of P squared scores reaches Z² by chance.
 
         p is the probability that one squared score does.
         """
-        from scipy.stats import t
-
         spread = 1 + 1 / self.flights if self.flights else 2.0
-        p = 2 * float(t.sf(np.sqrt(Z2 / spread), self.freedom))
+        p = 2 * float(t_sf(np.sqrt(Z2 / spread), self.freedom))
         return float(np.exp(-len(self.mean) * p))
 
 
@@ -147,8 +144,6 @@ def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
     The first ``signed`` scores (default: all) are of effects at trial values. The others are the
     largest scores over all frequencies or instants of an effect.
     """
-    from scipy.stats import t
-
     B, P = z.shape
     mean = z.mean(axis=0)
     std = _shrunk_std(z)
@@ -156,7 +151,7 @@ def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
     drift = np.where(np.arange(P) < (P if signed is None else signed), DRIFT * mean, 0.0)
     std = np.hypot(std, drift)
     nu = B - 1 + COMMON
-    threshold = (1 + 1 / B) * float(t.isf(FALSE_ALARMS / (2 * P), nu)) ** 2
+    threshold = (1 + 1 / B) * float(t_isf(FALSE_ALARMS / (2 * P), nu)) ** 2
     others_mean = (z.sum(axis=0) - z) / (B - 1)
     largest = (((z - others_mean) / std) ** 2).max(axis=1)
     if B >= GUMBEL_FROM:
@@ -179,9 +174,7 @@ def bonferroni(tests: int) -> float:
     >>> round(bonferroni(60), 1)
     16.4
     """
-    from scipy.stats import chi2
-
-    return float(chi2.isf(FALSE_ALARMS / tests, 1))
+    return float(chi2_isf(FALSE_ALARMS / tests, 1))
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen, why: str) -> Nulls:

@@ -32,6 +32,7 @@ from heli3dof.diagnosis.search.candidate_fits import (
 )
 from heli3dof.diagnosis.search.nulls import Nulls
 from heli3dof.diagnosis.search.select import Choice, certainty
+from heli3dof.distributions import t_logpdf
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     correct,
@@ -152,8 +153,6 @@ def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
     >>> bool(odds(np.array([10.0, 0.0]), flown)[0, 1] > 10)
     True
     """
-    from scipy.stats import t
-
     K, B, _ = flown.shape
     W = np.zeros((K, K))
     for k in range(K):
@@ -163,7 +162,7 @@ def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
             for i in (k, j):
                 D = flown[i, :, j] - flown[i, :, k]
                 s = max(float(D.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / B)
-                log_f.append(float(t.logpdf((d - D.mean()) / s, B - 1)) - np.log(s))
+                log_f.append(float(t_logpdf((d - D.mean()) / s, B - 1)) - np.log(s))
             W[k, j] = 2 * (log_f[0] - log_f[1])
             W[j, k] = -W[k, j]
     return W

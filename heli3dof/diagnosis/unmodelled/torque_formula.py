@@ -51,6 +51,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     ResidualTorque,
     TorqueLocation,
 )
+from heli3dof.distributions import t_isf
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.bias_correction.perturbation import forward as traces_of
@@ -137,10 +138,8 @@ def significant_formula(x: Evidence) -> TorqueLocation | None:
         t2 = (c[k] * v) ** 2 / variance if variance > 0 else 0.0
         if t2 > best:
             best, location = t2, TorqueLocation(AXES[i], variable_of(PRODUCTS[k]))
-    from scipy.stats import t as student
-
     p = TORQUE_FALSE_ALARMS / (2 * len(axes) * len(PRODUCTS))
-    threshold = 2 * float(student.isf(p, freedom(blocks, memory))) ** 2
+    threshold = 2 * float(t_isf(p, freedom(blocks, memory))) ** 2
     return location if best > threshold else None
 
 

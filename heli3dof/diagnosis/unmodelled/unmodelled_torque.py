@@ -55,6 +55,7 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import (
     scores_in_blocks,
     similarity,
 )
+from heli3dof.distributions import chi2_logsf
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects.empirical import KNOTS
@@ -363,9 +364,7 @@ def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 def minus_2_log_p(S: np.ndarray, rank: int) -> np.ndarray:
     """Return x = −2 ln P(χ² > S), with ``rank`` degrees of freedom of χ²."""
-    from scipy.stats import chi2
-
-    return np.asarray(-2 * chi2.logsf(S, rank))
+    return np.asarray(-2 * chi2_logsf(S, rank))
 
 
 def _residual_torque(

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from heli3dof.distributions import chi2_isf
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_scores
 
 MEMORY_S = 3.0  # s, longest correlation that S includes, chosen
@@ -68,6 +69,4 @@ def freedom(blocks: int, memory: int) -> float:
 
 def significant_ratio(ratio: np.ndarray, nu: float, chance: float = CHANCE) -> np.ndarray:
     """Return ``ratio`` where it exceeds the 1 − ``chance`` quantile of χ²_ν/ν; elsewhere 1."""
-    from scipy.stats import chi2
-
-    return np.where(ratio > float(chi2.isf(chance, nu)) / nu, ratio, 1.0)
+    return np.where(ratio > float(chi2_isf(chance, nu)) / nu, ratio, 1.0)

@@ -127,7 +127,35 @@ def reaction_torque(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[2] += couple * math.cos(s[R]) * math.cos(s[P])
 
 
+def counter_rotation(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """Reaction torque of propellers that turn in opposite directions: M = κ F_h (σ_f − σ_b).
+
+        σ_i = sgn(F_i) |F_i/F_h|ⁿ     (i = f, b)
+
+    The symbols and the virtual work are those of `reaction_torque`, where both propellers turn in
+    the same direction. At equal thrusts the two reaction torques cancel.
+    """
+    hover = s[K_F] * abs(s[V_O])
+    front = math.copysign((abs(s[F_FRONT]) / hover) ** par[B], s[F_FRONT])
+    back = math.copysign((abs(s[F_BACK]) / hover) ** par[B], s[F_BACK])
+    couple = par[A] * hover * (front - back)
+    out[0] += couple * math.sin(s[P])
+    out[2] += couple * math.cos(s[R]) * math.cos(s[P])
+
+
 EFFECTS = (
+    Effect(
+        name="aero.counter_rotation",
+        summary="Opposite propellers twist the body about its normal by κ F_h (σ_f − σ_b).",
+        parameters=(
+            Parameter("torque_per_thrust_m", "m", 0.0, -0.3, 0.3, 0.02, "κ"),
+            Parameter("exponent", "–", 1.0, 0.5, 3.5, 0.3, "n", prior_std=0.5),
+        ),
+        hooks={Stage.TORQUE: counter_rotation},
+        separated_by="large",
+        identifiable="quick pitch motion: the torque on yaw follows the voltages' difference",
+        evidence="voltage_difference",
+    ),
     Effect(
         name="aero.flapping",
         summary="Travelling sideways tilts the body: a torque kψ̇ on pitch.",

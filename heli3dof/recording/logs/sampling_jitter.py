@@ -26,6 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.distributions import t_isf
+
 HALF_WINDOW_S = 0.03
 SCALE_S = 1e-3
 """s, τ: jitter that is assumed for the weights u"""
@@ -53,11 +55,9 @@ class MotionJitter:
     @property
     def is_significant(self) -> bool:
         """Return True if the jitter σ_t is statistically significant and above 0.2 ms."""
-        from scipy.stats import t
-
         if not self.sigma_s > LEAST_REPORTED_S:
             return False
-        return bool(self.sigma_s**2 > t.isf(CHANCE, self.freedom) * self.variance_std_s2)
+        return bool(self.sigma_s**2 > t_isf(CHANCE, self.freedom) * self.variance_std_s2)
 
 
 NONE_FOUND = MotionJitter(0.0, np.inf)
