@@ -35,8 +35,9 @@ from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
-REMEMBERED_S = 4.0
-"""s of motion before a trip that the search for a wiring fault uses"""
+REMEMBERED_S = 12.0
+"""s of motion before a trip that the search for a wiring fault uses. In built-in plans, the
+references change at least every 10 s; the motion after a change shows signs and leads."""
 BRIDGED = 500
 """Largest number of skipped periods for which the controller is run: many times the memory of its
 filters. At 500 Hz they last 1 s, in which every watchdog expires."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import plan_from_dict, step_plan
+from heli3dof.experiment.plan import load_plan, plan_from_dict, step_plan
 
 PLAN = step_plan((10.0, None, 20.0), settle_s=8.0, duration_s=8.0)
 SHORT = plan_from_dict(
@@ -79,3 +79,10 @@ def test_an_encoder_that_freezes_in_a_yaw_step_did_not_count_the_wrong_way(
     plan = step_plan((None, None, 20.0), settle_s=5.0, duration_s=8.0)
     detail = fly_plan(plan, device=device).outcome.detail
     assert detail.startswith(f"the {axis} encoder's count stood at")
+
+
+def test_yaw_that_followed_an_earlier_step_did_not_count_the_wrong_way() -> None:
+    device = "mock:?speed=max&seed=0&hide=other.yaw_torque_from_roll_rate_squared:2"
+    outcome = fly_plan(load_plan("rich"), device=device).outcome
+    assert outcome.ending == "tripped"
+    assert outcome.detail.startswith("pitch stood at")
