@@ -187,8 +187,8 @@ RULES = (
         _always(True),
     ),
     Rule(
-        "flights confirm a formula (controller known)",
-        DIAGNOSIS + "conclusion.compensating_causes:simulations_agree",
+        "flights refute the causes that a formula replaces (controller known)",
+        DIAGNOSIS + "conclusion.compensating_causes:simulations_refute",
         _always(True),
     ),
     Rule(

@@ -12,11 +12,12 @@ filter updates), ℓ_φ that with the formula. With K formulas and the fit's var
 
 The second summand is BIC for the causes' further parameters, the third the prior odds against one
 formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the controller is
-known, flights are also simulated, with the causes and with the formula. The flights with the
-formula must agree better with the recording (Cox's test, W > `TIE` in `search.rivals`). If the
-controller is unknown, a formula in place of a single cause must improve held-out predictions. The
-RMSE on the formula's axis must decrease significantly, by more than the encoder's rounding
-(`conclusion.unknown_controller`).
+known, flights are also simulated, with the causes and with the formula. The flights with the causes
+must refute them: the recordings' ℓ_φ − ℓ_s lies beyond theirs, towards that of the flights with the
+formula (`search.rivals.is_refuted`). The formula need not be the whole cause, since the search
+continues. If the controller is unknown, a formula in place of a single cause must improve held-out
+predictions. The RMSE on the formula's axis must decrease significantly, by more than the encoder's
+rounding (`conclusion.unknown_controller`).
 
 Causes that a formula replaces are removed. The others are fitted again, and adopted or dropped. The
 search is repeated until no further cause is removed. A remaining cause is marked "…-like"
@@ -41,7 +42,7 @@ from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding, i
 from heli3dof.diagnosis.constants import SIGMAS_95, TIE
 from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
 from heli3dof.diagnosis.search.candidate_fits import bic_penalty, with_term_at
-from heli3dof.diagnosis.search.rivals import ROUNDS, likelihoods, odds
+from heli3dof.diagnosis.search.rivals import ROUNDS, is_refuted, likelihoods
 from heli3dof.diagnosis.search.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import (
@@ -203,7 +204,7 @@ def replaced_by_formula(
 
     def is_confirmed(c: Contest) -> bool:
         if setup.controller_is_known:
-            return simulations_agree(setup, fit, c.formula)
+            return simulations_refute(setup, fit, c.formula)
         return len(c.causes) > 1 or predictions_agree(setup, fit, c.formula, holdout)
 
     return next(filter(is_confirmed, won), None)
@@ -221,12 +222,11 @@ def predictions_agree(
     return exceeds_rounding(g, fit.structure.profile, axes=[formula.location.axis])
 
 
-def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
-    """Return whether simulated flights favour the formula over the causes, which ``fit`` contains.
+def simulations_refute(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
+    """Return whether simulated flights refute the causes, which ``fit`` contains.
 
-    Flights are simulated with the formula and with the causes. Those with the formula must agree
-    better with the recordings (Cox's test, `search.rivals`). If ``fit`` could not be bias-corrected
-    by simulated flights, the result is True.
+    Flights are simulated with the causes and with the formula (`search.rivals.is_refuted`). If
+    ``fit`` could not be bias-corrected by simulated flights, the result is True.
     """
     if not fit.is_corrected:
         return True
@@ -235,8 +235,7 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
         formula.problem, [(o.theta, o.noise)], setup.recordings, seed=setup.seed,
         flights_per_round=setup.flights_per_round, rounds=ROUNDS,
     )  # fmt: skip
-    W = odds(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed))
-    return bool(W[1, 0] > TIE)
+    return is_refuted(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed), 0, 1)
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:

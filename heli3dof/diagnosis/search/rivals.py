@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_997, TIE
+from heli3dof.diagnosis.constants import FALSE_ALARMS, MAX_COMPARED, SIGMAS_997, TIE
 from heli3dof.diagnosis.search.candidate_fits import (
     CandidateFit,
     bic_penalty,
@@ -32,7 +32,7 @@ from heli3dof.diagnosis.search.candidate_fits import (
 )
 from heli3dof.diagnosis.search.nulls import Nulls
 from heli3dof.diagnosis.search.select import Choice, certainty
-from heli3dof.distributions import t_logpdf
+from heli3dof.distributions import t_isf, t_logpdf
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     correct,
@@ -140,6 +140,27 @@ def likelihoods(
 
     flown = replicate(all_fits, len(fits) * FLIGHTS, what="flights of rivals")
     return all_fits(-1), np.array(flown).reshape(len(fits), FLIGHTS, len(fits))
+
+
+def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
+    """Return whether the flights simulated from rival k refute it in favour of rival j.
+
+    d_jk of the recordings must lie beyond that of the flights of k, on the side of those of j: so
+    far that chance does it with probability `FALSE_ALARMS`. The flights of j may refute j too; then
+    neither rival is the whole cause. Arguments as in `odds`.
+
+    >>> flown = np.zeros((2, 4, 2))
+    >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]
+    >>> is_refuted(np.array([10.0, 0.0]), flown, 1, 0)
+    True
+    >>> is_refuted(np.array([10.0, 0.0]), flown, 0, 1)
+    False
+    """
+    B = flown.shape[1]
+    of_k, of_j = (flown[i, :, j] - flown[i, :, k] for i in (k, j))
+    s = max(float(of_k.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / B)
+    z = (recorded[j] - recorded[k] - of_k.mean()) / s
+    return bool(z * np.sign(of_j.mean() - of_k.mean()) > t_isf(FALSE_ALARMS, B - 1))
 
 
 def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
