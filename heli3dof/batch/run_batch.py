@@ -13,7 +13,7 @@ from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.results_table import write_table
 from heli3dof.batch.run_task import failed, run_task
 from heli3dof.batch.sources import Source
-from heli3dof.batch.task import Outcome, Task, code_version, key_of
+from heli3dof.batch.task import Outcome, Task
 from heli3dof.errors import Heli3dofError
 from heli3dof.rig.profile import Profile
 
@@ -56,12 +56,13 @@ def tasks_of(
     ``where``: the condition that a recording must meet, empty for none. ``profile``: the rig's
     profile; it is needed for logs, which contain none.
     """
-    version = code_version()
     for source in sources:
-        content = source.fingerprint()
+        fingerprint = source.fingerprint()
         for each in options:
-            key = key_of(verb, source.name, content, each, profile, version)
-            yield Task(verb, key, source.name, source.where, each, profile, where)
+            yield Task.new(
+                verb, source.name, each, profile, source=source.where, fingerprint=fingerprint,
+                where=where,
+            )  # fmt: skip
 
 
 def run_batch(
@@ -124,4 +125,4 @@ def _lost(task: Task, lost: Lost) -> Outcome:
         cause="the memory was full, or somebody ended the worker.",
         fix="the same command with --resume and fewer --workers",
     )
-    return failed(task, error, final=False)
+    return failed(task, error)
