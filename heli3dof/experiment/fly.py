@@ -207,17 +207,15 @@ def _fly(
     received: StopSignals,
     live: Live,
 ) -> Outcome:
-    monitors = monitors_for(profile)
     outcome = fly(
         rig,
         profile,
         signals,
         sink,
         stop=received.reason,
-        stop_without_ramp=lambda: received.stop_without_ramp() or monitors.stop_without_ramp(),
+        stop_without_ramp=received.stop_without_ramp,
         live=live,
-        monitors=monitors.each_period,
-        awaits_fall=monitors.awaits_fall,
+        monitors=monitors_for(profile),
     )
     # Disarm before the recording is finished: a disk may take longer than the device's watchdog.
     # `open_rig` closes the rig again, and reports what went wrong.

@@ -16,7 +16,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.control_loop.control_period import Monitor, Period, motor_voltage
+from heli3dof.experiment.control_loop.control_period import Period, motor_voltage
 from heli3dof.experiment.control_loop.outcome import Ending, Outcome, Tally, link_counts
 from heli3dof.experiment.control_loop.ramp_down import (
     GuardedRecorder,
@@ -28,6 +28,7 @@ from heli3dof.experiment.control_loop.realtime_priority import Realtime, quiet_i
 from heli3dof.experiment.control_loop.rig_exchange import RigExchange
 from heli3dof.experiment.control_loop.stop_reasons import STOPPED
 from heli3dof.experiment.plan import Signals
+from heli3dof.experiment.safety_monitors import SafetyMonitor
 from heli3dof.model.control.controller import Controller
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
@@ -82,8 +83,7 @@ def fly(
     stop: Callable[[], str | None] = lambda: None,
     stop_without_ramp: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
-    monitors: Sequence[Monitor] = (),
-    awaits_fall: Callable[[], bool] = lambda: False,
+    monitors: Sequence[SafetyMonitor] = (),
 ) -> Outcome:
     """Fly the rendered plan in closed loop, ramp the motors to zero, and return the outcome.
 
@@ -99,11 +99,8 @@ def fly(
             None. Called in every period of the ramp.
         live: receives the progress.
         monitors: safety monitors; they judge the periods in which ``stop`` is called.
-        awaits_fall: returns True if the arm must fall at zero volts, but the roll count does not
-            change: the encoder may be dead. Called after the ramp of a completed plan. While it
-            returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
     """
-    flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
+    flight = _Flight(rig, profile, signals, sink, stop, stop_without_ramp, live or Live(), monitors)
     with ExitStack() as undo:
         if rig.identity.timebase == "virtual":
             quiet_interpreter(undo)
@@ -111,7 +108,7 @@ def fly(
         else:
             granted = undo.enter_context(realtime())
         end, sample = flight.fly_plan()
-        end, ramp = flight.ramp_down(end, sample, stop_without_ramp, awaits_fall)
+        end, ramp = flight.ramp_down(end, sample)
         return flight.outcome(end, ramp, granted)
 
 
@@ -128,11 +125,15 @@ class _Flight:
         signals: Signals,
         sink: RowSink,
         stop: Callable[[], str | None],
+        stop_without_ramp: Callable[[], str | None],
         live: Live,
-        monitors: Sequence[Monitor],
+        monitors: Sequence[SafetyMonitor],
     ) -> None:
         self.rig, self.profile, self.sink = rig, profile, sink
         self.stop, self.live, self.monitors = stop, live, tuple(monitors)
+        self.reasons_against_ramp = (
+            stop_without_ramp, *(monitor.stop_without_ramp for monitor in monitors),
+        )  # fmt: skip
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
         self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
@@ -177,17 +178,10 @@ class _Flight:
             return _End("error", f"{type(problem).__name__}: {problem}", problem), sample
         return COMPLETED, sample
 
-    def ramp_down(
-        self,
-        end: _End,
-        sample: Sample | None,
-        stop_without_ramp: Callable[[], str | None],
-        awaits_fall: Callable[[], bool],
-    ) -> tuple[_End, RampDown]:
+    def ramp_down(self, end: _End, sample: Sample | None) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. ``sample``: None if the device does not answer. `fly` explains
-        the callbacks ``stop_without_ramp`` and ``awaits_fall``.
+        ``end``: how the plan ended. ``sample``: None if the device does not answer.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits
@@ -198,14 +192,14 @@ class _Flight:
             supervision = Supervision(
                 monitor=self.judge_ramp,
                 reason_to_shorten=lambda: self.stop() or recorder.problem,
-                awaits_fall=awaits_fall,
+                awaits_fall=lambda: any(monitor.awaits_fall() for monitor in self.monitors),
                 shortened_steps=steps,
             )
             steps = self.steps(limits.landing_s)
         known = int(sample.flags) if sample is not None and end.ending == "tripped" else 0
         ramp = ramp_to_zero(
             self.exchange, sample, steps, self.profile.motor, self.ramp_recorder(recorder),
-            stop_without_ramp, known=known, supervision=supervision,
+            self.stop_without_ramp, known=known, supervision=supervision,
         )  # fmt: skip
         if completed and recorder.failure is not None and not ramp.stopped and not ramp.tripped:
             return _End("error", recorder.problem or "", recorder.failure), ramp
@@ -339,6 +333,10 @@ class _Flight:
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)
+
+    def stop_without_ramp(self) -> str | None:
+        """Return why to stop the device at once: a request, or a monitor's report; or None."""
+        return next(filter(None, (reason() for reason in self.reasons_against_ramp)), None)
 
     def steps(self, seconds: float) -> int:
         return max(1, round(seconds / self.profile.dt))
