@@ -49,8 +49,6 @@ from heli3dof.recording.recording import Recording
 __all__ = ["Comparison", "FlightComparison", "compare", "compare_flight"]
 
 T = TypeVar("T")
-
-
 Models = Sequence[Model] | Callable[[Recording], Sequence[Model]]
 
 
@@ -148,10 +146,10 @@ def _model_comparison(
         error = np.degrees(replayed.angle - flown.angle)
         # Not nanmean: a model that diverges has no RMSE.
         rmse = np.sqrt(np.mean(error**2, axis=0))
-        trace = Trace(label, "replay", replayed.t, replayed.angle)
+        trace = Trace("replay", replayed.t, replayed.angle)
         cannot = (*cannot, *_divergence(replayed))
     elif made is not None:
-        trace = Trace(label, "prediction", *stitched(flown, made))
+        trace = Trace("prediction", *stitched(flown, made))
     return ModelComparison(
         name=label,
         kind=model.kind,

@@ -23,6 +23,8 @@ from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.5, 1.0, 3.0)
+CONSTANT_ANGLES = "constant angles"
+"""Name of the baseline predictor among the models"""
 STEPS_DRAWN = 30
 """Number of horizons in a prediction window whose curve is drawn: every 0.1 s of 3 s"""
 STEPS_AVERAGED = 12
@@ -49,9 +51,6 @@ class Predictions:
 
 class ConstantAngles:
     """The baseline predictor: every angle stays at its last measured value."""
-
-    name = "constant angles"
-    kind = "held"
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
         """Return, for each row, the angles measured ``horizon_s`` s earlier, (N, 3) in rad.

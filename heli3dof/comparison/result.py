@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 class Trace:
     """A model's curve for a figure: times t (M,) s, angle (M, 3) rad; NaN interrupts the curve."""
 
-    label: str
     kind: str
     """``replay`` (closed-loop simulation) or ``prediction`` (multi-step, in successive windows)"""
     t: FloatArray

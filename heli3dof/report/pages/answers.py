@@ -13,7 +13,7 @@ import re
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.prediction import ConstantAngles
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 from heli3dof.comparison.verdict import verdict
 from heli3dof.experiment.plan import load_plan, named_plans
@@ -141,7 +141,7 @@ def _best(comparison: Comparison) -> list[Answer]:
     if not alt:
         return []
     predictions = {m.name: m.prediction for m in flight.models}
-    predictions[ConstantAngles.name] = flight.constant_angles
+    predictions[CONSTANT_ANGLES] = flight.constant_angles
     groups = {
         axis: {
             name: float(p.over_window_deg[AXES.index(axis)])
@@ -155,7 +155,7 @@ def _best(comparison: Comparison) -> list[Answer]:
     title = f"RMSE of predictions in {flight.recording.name}"
     if flight.constant_angles is not None:
         title += f", over {flight.constant_angles.window_s:g} s"
-    drawn = bars(groups, {**styles, ConstantAngles.name: SOFT}, title, alt)
+    drawn = bars(groups, {**styles, CONSTANT_ANGLES: SOFT}, title, alt)
     return [Answer("Which model predicts best?", " ".join(verdict(comparison)), drawn)]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.comparison.prediction import ConstantAngles
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import FlightComparison, ModelComparison
 from heli3dof.report.text.number_format import fixed
 
@@ -72,7 +72,7 @@ def prediction_sentence(flight: FlightComparison) -> str:
     named = [(m.name, m.prediction) for m in flight.models]
     errors = [
         f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
-        for name, p in (*named, (ConstantAngles.name, flight.constant_angles))
+        for name, p in (*named, (CONSTANT_ANGLES, flight.constant_angles))
         if p is not None
     ]
     window = flight.constant_angles.window_s

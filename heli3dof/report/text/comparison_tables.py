@@ -12,14 +12,14 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
-from heli3dof.comparison.prediction import ConstantAngles
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import (
     Comparison,
     FlightComparison,
     ModelComparison,
     PredictionError,
 )
-from heli3dof.comparison.verdict import HORIZON_S, STILL, prediction_errors, replay_errors, verdict
+from heli3dof.comparison.verdict import HORIZON_S, prediction_errors, replay_errors, verdict
 from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.report.text.number_format import NONE, fixed, short
@@ -119,7 +119,7 @@ def prediction_table(flight: FlightComparison) -> Grid | None:
         for m in flight.models:
             rows.append([axis, m.name, *_prediction_cells(m.prediction, axis, horizons)])
         held = _prediction_cells(flight.constant_angles, axis, horizons)
-        rows.append([axis, ConstantAngles.name, *held])
+        rows.append([axis, CONSTANT_ANGLES, *held])
     heads = [f"{h:g} s ahead" for h in horizons]
     return Grid(
         f"Multi-step prediction, RMSE in degrees · {flight.recording.name}",
@@ -244,7 +244,8 @@ def fit_table(comparison: Comparison) -> Grid:
         ahead = prediction_errors(part, horizon)
         again = replay_errors(part)
         name = part.flights[0].recording.name if len(part.flights) == 1 else "all"
-        for model in dict.fromkeys([*(m.name for f in part.flights for m in f.models), STILL]):
+        models = dict.fromkeys(m.name for f in part.flights for m in f.models)
+        for model in (*models, CONSTANT_ANGLES):
             errors = [*ahead.get(model, NO_ERRORS)]
             errors += [*again.get(model, NO_ERRORS)] if replayed else []
             rows.append([name, model, *(fixed(float(e)) for e in errors)])
