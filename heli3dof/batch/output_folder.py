@@ -108,10 +108,9 @@ class OutputFolder:
 
 
 def journal_lines(folder: Path) -> Iterator[Line]:
-    """Yield the complete lines of a batch's journal as dicts with four keys.
+    """Yield the complete lines of a batch's journal: dicts with fields of `Outcome`.
 
-    ``key`` is the task's key, and ``row`` its row of the table. ``final`` is false if a retry may
-    succeed. ``cost`` holds the seconds and bytes that the task needed.
+    The keys are ``key``, ``final``, ``row`` and ``cost``.
     """
     path = folder / JOURNAL
     if not path.exists():

@@ -1,9 +1,8 @@
 """The first columns of the results table, which describe the recording.
 
 They are the same for all subcommands of ``heli3dof batch``, and the condition of ``--where`` may
-contain them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns ``roll_start_deg_std``
-and ``pitch_start_deg_std`` contain the standard deviation of an encoder's rounding error,
-360°/(√12 · counts per revolution).
+contain them. The columns ``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard
+deviation of an encoder's rounding error, 360°/(√12 · counts per revolution).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`run_task`: run one subcommand on one recording, in a worker process.
 
-It never raises an exception: a failure is an outcome with an exit code. The subcommand reads and
-writes in a temporary folder, whose paths `_replaced` replaces in the outcome.
+The subcommand reads and writes in a temporary folder, whose paths `_replaced` replaces in the
+outcome.
 """
 
 from __future__ import annotations

@@ -84,11 +84,10 @@ def compare_flight(
     recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S,
     identify_controller: bool = False,
 ) -> FlightComparison:  # fmt: skip
-    """Return the comparison of several models with one recording.
+    """Return the comparison of several models with one recording; arguments as in `compare`.
 
-    ``horizons_s``: prediction horizons in s. A horizon is left out if every uninterrupted run of
-    rows in flight (`heli3dof.identification.row_selection.rows_in_flight`) is shorter.
-    ``identify_controller``: as in `compare`.
+    A prediction horizon is left out if every uninterrupted run of rows in flight
+    (`heli3dof.identification.row_selection.rows_in_flight`) is shorter.
     """
     flown = corrected(under_control(recording))
     if identify_controller and flown.profile.controller is None:

@@ -82,8 +82,7 @@ def predictions(
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
     """Return the samples that all models predict: horizon (s) → (N, 3) bool, by axis.
 
-    On each axis, models without any prediction of that axis are ignored. The errors of all models
-    are computed on these samples, so that a model with fewer predictions has no advantage.
+    On each axis, models without any prediction of that axis are ignored.
     """
     rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():

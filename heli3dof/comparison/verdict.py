@@ -48,8 +48,7 @@ def verdict(comparison: Comparison) -> tuple[str, ...]:
 def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, FloatArray]:
     """Return model → RMSE (3,) in degrees of predictions ``horizon_s`` s ahead.
 
-    The baseline `CONSTANT_ANGLES` is among the models. If there are recordings
-    that every model predicts, only these are used.
+    The baseline `CONSTANT_ANGLES` is among the models.
     """
 
     def error(f: FlightComparison, m: ModelComparison | None) -> FloatArray | None:
@@ -87,8 +86,8 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 def _best(errors: Errors, what: str) -> list[str]:
     """Return one sentence in a list: each axis's best model, its error and another model's error.
 
-    The other model is ``hover`` if that is not the best, else the next best one. The list is empty
-    if no error is known. ``what`` describes the ``errors``, for example "closed-loop replay".
+    The list is empty if no error is known. ``what`` describes the ``errors``, for example
+    "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != CONSTANT_ANGLES}
     groups: dict[tuple[str, ...], list[str]] = {}
@@ -121,7 +120,6 @@ def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) ->
     One sentence names the models and axes at the horizon ``horizon_s`` (s). Another one names the
     axes and horizons at which all models are worse. ``ahead``: horizon (s) → errors by model.
     """
-
     models = [n for n in ahead[horizon_s] if n != CONSTANT_ANGLES]
     if CONSTANT_ANGLES not in ahead[horizon_s] or not models:
         return []

@@ -64,10 +64,9 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
     """Return the changes of one quantity of one rig, and its estimate since the last step.
 
-    ``track``: values of the quantity; ``siblings``: the same quantity's values of the other rigs;
-    ``quantities``: number of quantities in the table. The estimate uses the flights of one plan
-    since the last step: those of ``plan``. If there are none, it uses those of the plan that is
-    most frequent among the flights since the last step.
+    ``siblings``: the quantity's values of the other rigs; ``quantities``: number of quantities. The
+    estimate uses the flights of ``plan`` since the last step. If there are none, it uses those of
+    the plan that is most frequent among the flights since the last step.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

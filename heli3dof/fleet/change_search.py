@@ -83,11 +83,7 @@ class Change:
 
 
 def track_prior(quantities: int) -> Prior:
-    """Return the prior probability of each kind of change in one quantity of a rig.
-
-    This is the rig's expected number of such changes (`CHANGES_PER_RIG_SEMESTER`), divided by
-    ``quantities``, the number of quantities in the batch's results table.
-    """
+    """Return the prior probability of each kind of change in one of a rig's ``quantities``."""
     return _scaled(CHANGES_PER_RIG_SEMESTER, 1 / quantities)
 
 
@@ -137,10 +133,9 @@ class _Series:
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
-        """Return the posterior probabilities of changes within a part of the series.
+        """Return the posterior of changes in ``flights``, indices of a part of the series.
 
-        ``flights`` are the indices of this part. The prior probabilities of changes are multiplied
-        by the share of these flights in the series.
+        The prior probabilities are multiplied by the share of these flights in the series.
         """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = _scaled(self.prior, len(flights) / len(self.y))
@@ -164,10 +159,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
 
 
 def _candidates(series: _Series) -> Iterator[Change]:
-    """Yield the deviating flights that a Hampel filter proposes and the posterior confirms.
-
-    Each proposed flight is tested alone, among all flights that are not proposed.
-    """
+    """Yield the deviating flights that a Hampel filter proposes and the posterior confirms."""
     from scipy.ndimage import median_filter
 
     n = len(series.y)
@@ -188,12 +180,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the changes in ``flights``, found by recursive search.
-
-    The most probable change is yielded. If it consists of one or two steps, they divide the flights
-    into parts, and each part is searched, too. Nothing is yielded if the flights are too few, or
-    the probability of any change is below `REPORTED`.
-    """
+    """Yield the changes in ``flights``, found by recursive search; steps divide them into parts."""
     if not series.is_searchable(flights):
         return
     posterior = series.posterior(flights)
@@ -223,9 +210,8 @@ def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Cha
     """Return ``steps``, each computed again from the flights between its neighbouring steps.
 
     This is repeated until the dates no longer change. Then, if there are doubtful steps, the least
-    probable one is removed, and the others are computed again. A step is doubtful if the
-    probability of any change is below `REPORTED`, or that of a step is below 0.5. ``kept``: the
-    flights that do not deviate.
+    probable one is removed, and the others are computed again. ``kept``: the flights that do not
+    deviate.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]

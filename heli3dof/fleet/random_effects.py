@@ -68,10 +68,7 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
 
 
 def scatter_variance(y: FloatArray, s: FloatArray) -> float:
-    """Return the variance τ² between two or more measurements, by Paule and Mandel's method.
-
-    ``y``, ``s`` (n,): values and standard deviations.
-    """
+    """Return the variance τ² between two or more measurements ``y`` (n,) with std ``s`` (n,)."""
     from scipy.optimize import brentq
 
     n = len(y)
@@ -102,11 +99,9 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (n,) of the measurements' own values, and their standard deviations (n,).
+    """Return estimates (n,) of the own values θ + bᵢ, and their standard deviations (n,).
 
-    The own value of measurement i is θ + bᵢ (see the module): the value without the error eᵢ. Its
-    estimate is yᵢ, shrunken towards the mean. ``estimate`` is what `random_effects` returns for the
-    measurements ``y`` (n,) with standard deviations ``s`` (n,), n ≥ 2.
+    ``estimate``: what `random_effects` returns for ``y`` (n,) and ``s`` (n,), n ≥ 2.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

@@ -177,8 +177,7 @@ def _version_of_worker() -> str:
 def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
     """Return ``work(item)``, computed with one thread in this worker.
 
-    ``version``: the `code_version` of the process that sent the work. Raises UsageError if this
-    worker runs another version.
+    Raises UsageError unless this worker runs the ``version`` of the process that sent the work.
     """
     if code_version() != version:  # a worker that joined later
         from distributed import get_worker

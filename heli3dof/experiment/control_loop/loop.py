@@ -290,11 +290,7 @@ class _Flight:
     def reason_to_end(
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
-        """Return why the flight ends in period ``k``, or None.
-
-        Checks, in this order, a request to stop, the device's flags and the safety monitors
-        together, and the envelope (the profile's limits).
-        """
+        """Return why the flight ends in period ``k``, or None."""
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
         rates = self.controller.rates
@@ -326,10 +322,7 @@ class _Flight:
         return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return the first report of a safety monitor on ``sample`` in the ramp to zero, or None.
-
-        ``voltage``: the voltages (front, back) in V that the loop sent before this sample.
-        """
+        """As `judge`, in the ramp to zero; ``voltage``: that sent before this ``sample`` (V)."""
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)

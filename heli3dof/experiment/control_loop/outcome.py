@@ -21,8 +21,7 @@ Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 class Punctuality:
     """Quantiles in s of the samples' lateness and of the computing time, over one flight.
 
-    Lateness: time from a sample's deadline to its arrival. Computing time: from a sample's arrival
-    to sending the command computed from it.
+    Lateness: time from a sample's deadline to its arrival.
     """
 
     median_s: float
@@ -134,12 +133,7 @@ class Tally:
     def count(
         self, lateness: float, turnaround: float, missed: int, lost: int, device_skipped: int
     ) -> None:
-        """Add one control period to the counts.
-
-        ``lateness``: delay of the period's sample after the deadline (s); ``turnaround``: computing
-        time (s). ``missed``, ``lost``, ``device_skipped``: numbers of periods skipped before this
-        period by the host, the connection and the device.
-        """
+        """Add a control period: its lateness and computing time (s), the periods skipped before."""
         if lateness > LATE_S:
             self.late += 1
         self.missed += missed

@@ -21,11 +21,10 @@ from heli3dof.toml_file import Finite, Key, Positive, Section
 
 @dataclass(frozen=True)
 class Clock:
-    """Number and length (s) of one segment's control periods, and a random generator."""
+    """Number ``n`` and length ``dt`` (s) of a segment's control periods, and a random generator."""
 
     n: int
     dt: float
-    """``n``: number of the segment's control periods; ``dt``: their length in s"""
     rng: np.random.Generator
 
     @property
@@ -47,11 +46,7 @@ class BaseSegment(Section):
     yaw_deg: Annotated[Finite | None, Key("yaw reference; if absent, unchanged", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
-        """Return the angle references (3,) in rad that this segment sets.
-
-        ``before``: references (3,) in rad at the end of the previous segment. They stay unless this
-        segment changes them.
-        """
+        """Return the references (3,) in rad that this segment sets; ``before``: those before it."""
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]

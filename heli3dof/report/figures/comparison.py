@@ -87,7 +87,6 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
 
 
 def _subtitle(flight: FlightComparison, axis: str) -> str:
-    """Return a figure's subtitle: peaks if the closed loop was replayed, else prediction RMSE."""
     parts = []
     if flight.why is None:
         experiment = flight.experiment[axis].reported.peak_deg

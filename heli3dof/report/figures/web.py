@@ -180,10 +180,7 @@ def variable_of(color: Any) -> str:
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Return sorted indices of the samples of a curve ``y`` that keep its shape.
-
-    Their number is the curve's length, or about ``most`` for a longer curve. The module's docstring
-    states which samples are kept.
+    """Return sorted indices of the samples of a curve ``y`` that keep its shape, about ``most``.
 
     >>> decimated(np.array([0.0, 0.0, 9.0, 0.0, 0.0, 0.0, -9.0, 0.0]), 4).tolist()
     [0, 2, 4, 6, 7]

@@ -118,10 +118,9 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis on which the model's RMSE is largest.
+    """Return the axis with the model's largest RMSE of the replay, or else of predictions.
 
-    The RMSE is that of the replay; without a replay, that of predictions. Without either, the
-    result is the first measured axis.
+    Without either, the result is the first measured axis.
     """
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
@@ -132,10 +131,7 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return one answer: which model predicts the first recording best, with a bar chart.
-
-    The list is empty if the first recording has no predictions.
-    """
+    """Return one answer: which model predicts the first recording best; [] without predictions."""
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

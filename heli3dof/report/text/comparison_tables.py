@@ -52,8 +52,7 @@ def step_name(step: StepMetrics) -> str:
 def metrics_table(flight: FlightComparison) -> Grid:
     """Return a table of step metrics: of the experiment, each model, and their differences.
 
-    The metrics are peak, overshoot, steady error, rise and settling time for one recording. The
-    last column is the RMSE of each model's closed-loop replay in degrees.
+    The last column is the RMSE of each model's closed-loop replay in degrees.
     """
     rows = []
     for i, axis in enumerate(AXES):

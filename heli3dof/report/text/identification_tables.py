@@ -33,11 +33,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def identification_summary(found: Identification) -> list[str | Grid]:
-    """Return what `heli3dof identify` prints without --verbose.
-
-    The result is the fits, the residual tests, the parameters and three transfer functions: from
-    the voltages' sum to roll, and from their difference to pitch and yaw.
-    """
+    """Return what `heli3dof identify` prints without --verbose."""
     lines: list[str | Grid] = [_scores(found)]
     if found.residuals:
         passed = ", ".join(t.name for t in found.residuals if t.passed)
