@@ -167,7 +167,7 @@ class _Flight:
                 sample, end = self.period(k, sample)
                 if end is not None:
                     return end, sample
-                k += 1 + self.exchange.skipped
+                k += 1 + self.exchange.time.skipped
                 live.done = k
             # No period of the plan judges a gap of samples that reaches beyond the plan's end.
             if (report := self.judge_ramp(sample, self.exchange.sent)) is not None:
@@ -236,12 +236,12 @@ class _Flight:
         Returns the next sample and None. If the flight ends in this period, returns ``sample``
         and how it ended.
         """
-        exchange, live = self.exchange, self.live
+        exchange, time, live = self.exchange, self.exchange.time, self.live
         if exchange.unreadable is not None:
             return sample, _End("tripped", exchange.unreadable)
         angle = self.angle(sample)
-        if exchange.skipped:
-            self.bridge(k, exchange.skipped, angle)
+        if time.skipped:
+            self.bridge(k, time.skipped, angle)
         self.before = angle
         reference, extra, command, voltage = self.control(k, angle)
         t = sample.device_time_s - self.t0
@@ -249,7 +249,7 @@ class _Flight:
         end = self.reason_to_end(k, t, sample, angle, command, voltage)
         if end is not None:
             return sample, end
-        lateness = exchange.lateness
+        lateness = time.lateness
         after = exchange.exchange(sample, voltage)
         self.sink.append(
             Row(
@@ -260,7 +260,7 @@ class _Flight:
         self.flown += 1
         live.angle, live.reference, live.voltage = angle, reference, voltage
         live.late, live.lost = self.tally.late, self.tally.lost
-        live.lateness, live.worst_lateness = exchange.lateness, self.tally.worst
+        live.lateness, live.worst_lateness = time.lateness, self.tally.worst
         return after, None
 
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
@@ -310,10 +310,10 @@ class _Flight:
         """Return the first report of a safety monitor on the period with index k, or None."""
         if not self.monitors:
             return None
-        exchange = self.exchange
+        exchange, time = self.exchange, self.exchange.time
         now = Period(
             k, t, sample, angle, self.controller.rates, command, voltage, exchange.sent,
-            exchange.sequence, exchange.lateness, exchange.skipped, exchange.device_skipped,
+            exchange.sequence, time.lateness, time.skipped, time.device_skipped,
             exchange.echo.last_s, ramping_down,
         )  # fmt: skip
         for monitor in self.monitors:

@@ -13,6 +13,7 @@ from heli3dof.rig.trip import Trip
 if TYPE_CHECKING:
     from heli3dof.experiment.control_loop.echo_latency import EchoLatency
     from heli3dof.experiment.control_loop.realtime_priority import Realtime
+    from heli3dof.experiment.control_loop.timekeeping import VirtualDeadlines
 
 Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
@@ -130,17 +131,15 @@ class Tally:
         """Return the largest delay of a sample after its deadline, in s."""
         return self.lateness.worst_s
 
-    def count(
-        self, lateness: float, turnaround: float, missed: int, lost: int, device_skipped: int
-    ) -> None:
-        """Add a control period: its lateness and computing time (s), the periods skipped before."""
-        if lateness > LATE_S:
+    def count(self, time: VirtualDeadlines, turnaround: float) -> None:
+        """Add a control period: lateness and skipped periods in ``time``, computing time (s)."""
+        if time.lateness > LATE_S:
             self.late += 1
-        self.missed += missed
-        self.lost += lost
-        self.lateness.add(lateness)
+        self.missed += time.missed
+        self.lost += time.lost
+        self.device_skipped += time.device_skipped
+        self.lateness.add(time.lateness)
         self.turnaround.add(turnaround)
-        self.device_skipped += device_skipped
 
     def punctuality(self) -> Punctuality | None:
         """Return quantiles of lateness and computing time in s; None if no period was counted."""

@@ -180,9 +180,9 @@ def ramp_to_zero(
                     hurried = True
                     ramp.shorten(supervision.shortened_steps)
             voltage = ramp.advance(1 + skipped)
-            before, lateness = sample, exchange.lateness
+            before, lateness = sample, exchange.time.lateness
             sample = exchange.exchange(before, voltage)
-            skipped = exchange.skipped
+            skipped = exchange.time.skipped
             flags |= int(sample.flags)
             record(before, voltage, lateness, sample)
             if supervision is not None:
@@ -218,7 +218,7 @@ class GuardedRecorder:
     """Passes rows to a recorder until its first exception, which must not interrupt the ramp."""
 
     def __init__(self, append: Callable[[Row], None]) -> None:
-        self._append: Callable[[Row], None] | None = append
+        self._append = append
         self.failure: Exception | None = None
         """The recorder's exception"""
 
@@ -228,8 +228,8 @@ class GuardedRecorder:
         return None if self.failure is None else f"{type(self.failure).__name__}: {self.failure}"
 
     def __call__(self, row: Row) -> None:
-        if self._append is not None:
+        if self.failure is None:
             try:
                 self._append(row)
             except Exception as problem:
-                self._append, self.failure = None, problem
+                self.failure = problem

@@ -63,6 +63,11 @@ class VirtualDeadlines:
         self.device_skipped = 0
         """Periods skipped before the last sample because the device made no samples for them"""
 
+    @property
+    def skipped(self) -> int:
+        """Return how many periods were skipped before the last sample, for any reason."""
+        return self.missed + self.lost + self.device_skipped
+
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
 

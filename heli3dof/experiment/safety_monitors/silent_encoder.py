@@ -14,6 +14,7 @@ dry friction may hold this axis. `FrozenEncoder` judges roll in the ramp, becaus
 
 from __future__ import annotations
 
+from collections import deque
 from math import log
 
 from heli3dof.axes import AXES, PITCH, YAW
@@ -78,7 +79,7 @@ class _Axis:
         self._count, self.since = count, t
         self._from_change = False  # the beginning of this standstill is unknown
         self._way = 0
-        self._range = [(count, count)] * PIECES
+        self._range = deque([(count, count)] * PIECES, maxlen=PIECES)
         self._piece_t = t
         self._calm_from = t + WINDOW_S
 
@@ -86,7 +87,6 @@ class _Axis:
         """Update the axis with its encoder's ``count`` at time ``t`` (s); the arm is in the air."""
         if t - self._piece_t > WINDOW_S / PIECES:
             self._piece_t = t
-            self._range.pop(0)
             self._range.append((count, count))
         if count == self._count:
             return
