@@ -80,11 +80,10 @@ class NamedShare:
         return float(low), float(high)
 
     def to_dict(self) -> dict[str, Any]:
-        low, high = self.interval
         return {
             "cause": self.cause,
             "share": self.share,
-            "interval": [low, high],
+            "interval": list(self.interval),
             "replicates": self.of,
             "in_recording": self.in_recording,
         }

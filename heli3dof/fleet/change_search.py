@@ -18,7 +18,7 @@ together, this is 0.15 · 0.05/0.95 = 0.8 % per semester.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
@@ -144,9 +144,7 @@ class _Series:
         equal = np.ones(len(y))
         by_rank = change_posterior(normal_scores(y), equal, t, prior, plans)
         sized = change_posterior(y, equal, t, prior, plans)
-        return ChangePosterior(
-            by_rank.places, by_rank.constant, by_rank.probability, sized.size, sized.size_std
-        )
+        return replace(by_rank, size=sized.size, size_std=sized.size_std)
 
 
 def normal_scores(y: FloatArray) -> FloatArray:
@@ -262,10 +260,9 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return the most probable dates of a step: first flight after the step → probability.
+    """Return the fewest dates of a step whose probabilities add up to at least `DATES`.
 
-    The result has the fewest dates whose probabilities add up to at least `DATES`. ``share``: the
-    probability that the step is before each of ``flights``, from index 2 on; their sum is 1.
+    ``share``: the probability that the step is before each of ``flights``, from index 2 on.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

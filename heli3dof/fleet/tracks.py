@@ -77,10 +77,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
 
 
 def named_by_serial(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows with the rig ``NAME (SERIAL)`` where a profile's name has several serials.
-
-    The serial number tells rigs apart that share a profile.
-    """
+    """Return the rows with the rig ``NAME (SERIAL)`` where a profile's name has several serials."""
     serials: dict[str, set[object]] = {}
     for row in rows:
         serials.setdefault(rig_of(row), set()).add(row.get("serial") or None)
@@ -159,12 +156,11 @@ def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
     their names. The starts are then None.
     """
     named = sorted(rows, key=_name)
-    starts = {id(row): _start(row.get("started_utc")) for row in named}
-    known = [t for t in starts.values() if t is not None]
-    if len(known) < len(named) or (len(named) > 1 and len(set(known)) == 1):
+    starts = [t for row in named if (t := _start(row.get("started_utc"))) is not None]
+    if len(starts) < len(named) or (len(named) > 1 and len(set(starts)) == 1):
         return named, None
-    ordered = sorted(named, key=lambda row: starts[id(row)] or 0.0)
-    return ordered, [starts[id(row)] or 0.0 for row in ordered]
+    order = np.argsort(starts, kind="stable")
+    return [named[i] for i in order], [starts[i] for i in order]
 
 
 def _start(text: object) -> float | None:

@@ -11,11 +11,7 @@ from heli3dof.report.text.number_format import fixed
 
 
 def comparison_text(flight: FlightComparison) -> str:
-    """Return sentences on the errors of each model with one recording.
-
-    With a replay, they state the peak of roll and the RMSE of replay and predictions; without one,
-    the RMSE of predictions only.
-    """
+    """Return sentences on the errors of each model with one recording."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:

@@ -183,10 +183,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's label of ``model``, or None.
-
-    The hover model is ``hover``; the first identified model in ``models`` is ``identification``.
-    """
+    """Return the paper's label of ``model``, or None; only the first identified one has a label."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]

@@ -468,10 +468,7 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 
 def _torque_term(rest: Document, where: str) -> str:
-    """Return sentences on an unmodelled torque: its term, and RMSE without and with it.
-
-    ``rest``: the torque's object in the JSON document; ``where``: the data of the RMSE, in words.
-    """
+    """Return sentences on an unmodelled torque, of which ``rest`` is the JSON object."""
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
     if not rest["formula"]:
         return f"The extended model contains it as a curve; no formula fits as well. {gain}"
