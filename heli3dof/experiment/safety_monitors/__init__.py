@@ -45,15 +45,14 @@ class SafetyMonitor(ABC):
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
     """Return this package's subclasses of `SafetyMonitor`, in the order in which they judge."""
-    found = set()
-    for module in modules_of(__name__):
-        found |= {
-            value
-            for value in vars(module).values()
-            if isinstance(value, type)
-            and issubclass(value, SafetyMonitor)
-            and value.__module__ == module.__name__
-        }
+    found = {
+        value
+        for module in modules_of(__name__)
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and issubclass(value, SafetyMonitor)
+        and value.__module__ == module.__name__
+    }
     return tuple(sorted(found, key=lambda kind: (kind.order, kind.__name__)))
 
 

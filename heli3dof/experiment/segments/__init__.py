@@ -142,7 +142,5 @@ class FreeSegment(BaseSegment):
 @cache
 def kinds() -> dict[str, type[BaseSegment]]:
     """Return the class of every kind of segment in this package, by its name in TOML."""
-    found: dict[str, type[BaseSegment]] = {}
-    for module in modules_of(__name__):
-        found[module.Segment.model_fields["kind"].default] = module.Segment
-    return found
+    classes = [module.Segment for module in modules_of(__name__)]
+    return {each.model_fields["kind"].default: each for each in classes}

@@ -163,11 +163,9 @@ def _bands(axes: Any) -> Iterable[dict[str, Any]]:
 def _spans(axes: Any) -> Iterable[dict[str, Any]]:
     """Yield each shaded interval of the horizontal (``axvspan``) or vertical axis (``axhspan``)."""
     for patch in axes.patches:
-        x, y, width, height = (
-            patch.get_x(), patch.get_y(), patch.get_width(), patch.get_height(),
-        )  # fmt: skip
-        over_x = (y, height) == (0, 1)
-        ends = (x, x + width) if over_x else (y, y + height)
+        x, y = patch.get_bbox().get_points().T
+        over_x = y.tolist() == [0, 1]
+        ends = x if over_x else y
         yield {"axis": "x" if over_x else "y", "ends": _numbers(ends)}
 
 
