@@ -18,7 +18,7 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.prediction import CONSTANT_ANGLES
 
 if TYPE_CHECKING:
-    from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+    from heli3dof.comparison.result import Comparison
 
 HORIZON_S = 1.0
 """s: horizon of the predictions, as in a diagnosis. 0.1 s ahead, all models are about equal."""
@@ -50,16 +50,10 @@ def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, Flo
 
     The baseline `CONSTANT_ANGLES` is among the models.
     """
-
-    def error(f: FlightComparison, m: ModelComparison | None) -> FloatArray | None:
-        made = f.constant_angles if m is None else m.prediction
-        return None if made is None else made.ahead_deg.get(horizon_s)
-
-    table = [
-        {**{m.name: error(f, m) for m in f.models}, CONSTANT_ANGLES: error(f, None)}
+    return _pooled([
+        {n: None if p is None else p.ahead_deg.get(horizon_s) for n, p in f.predictions.items()}
         for f in comparison.flights
-    ]
-    return _pooled(table)
+    ])  # fmt: skip
 
 
 def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:

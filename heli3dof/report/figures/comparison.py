@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 from heli3dof.errors import UsageError
 from heli3dof.report.figures.labelled_curves import Curve, angle_figure
@@ -96,8 +95,7 @@ def _subtitle(flight: FlightComparison, axis: str) -> str:
             parts.append(f"{m.name} {_replay_peak(flight, m, axis)}")
         return _list(parts)
     window = flight.constant_angles.window_s if flight.constant_angles else np.nan
-    errors = [(m.name, m.prediction) for m in flight.models]
-    for name, error in (*errors, (CONSTANT_ANGLES, flight.constant_angles)):
+    for name, error in flight.predictions.items():
         if error is not None:
             value = error.over_window_deg[AXES.index(axis)]
             parts.append(f"{name} {fixed(value, 1, '°')}")

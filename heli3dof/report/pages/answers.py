@@ -136,12 +136,10 @@ def _best(comparison: Comparison) -> list[Answer]:
     alt = prediction_sentence(flight)
     if not alt:
         return []
-    predictions = {m.name: m.prediction for m in flight.models}
-    predictions[CONSTANT_ANGLES] = flight.constant_angles
     groups = {
         axis: {
             name: float(p.over_window_deg[AXES.index(axis)])
-            for name, p in predictions.items()
+            for name, p in flight.predictions.items()
             if p is not None
         }
         for axis in flight.flown.axes

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import FlightComparison, ModelComparison
 from heli3dof.report.text.number_format import fixed
 
@@ -65,10 +64,9 @@ def prediction_sentence(flight: FlightComparison) -> str:
     """Return a sentence with each model's RMSE of roll predictions; empty without predictions."""
     if flight.constant_angles is None:
         return ""
-    named = [(m.name, m.prediction) for m in flight.models]
     errors = [
         f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
-        for name, p in (*named, (CONSTANT_ANGLES, flight.constant_angles))
+        for name, p in flight.predictions.items()
         if p is not None
     ]
     window = flight.constant_angles.window_s

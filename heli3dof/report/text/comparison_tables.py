@@ -115,10 +115,8 @@ def prediction_table(flight: FlightComparison) -> Grid | None:
     window = flight.constant_angles.window_s
     rows = []
     for axis in flight.flown.axes:
-        for m in flight.models:
-            rows.append([axis, m.name, *_prediction_cells(m.prediction, axis, horizons)])
-        held = _prediction_cells(flight.constant_angles, axis, horizons)
-        rows.append([axis, CONSTANT_ANGLES, *held])
+        for name, error in flight.predictions.items():
+            rows.append([axis, name, *_prediction_cells(error, axis, horizons)])
     heads = [f"{h:g} s ahead" for h in horizons]
     return Grid(
         f"Multi-step prediction, RMSE in degrees · {flight.recording.name}",
