@@ -14,11 +14,9 @@ from unittest.mock import patch
 from heli3dof.experiment.control_loop.ramp_down import RampDown
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, Signals, load_plan
-from heli3dof.experiment.safety_monitors import FlightMonitors
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.drivers import registered
 
-NO_MONITORS = FlightMonitors((), lambda: None, lambda: False)
 DRIVERS = cache(registered)
 """The installed drivers, which a flight looks up six times: 16 ms"""
 RAMP = "heli3dof.experiment.control_loop.loop.ramp_to_zero"
@@ -52,7 +50,7 @@ def flown(plan: Plan | str, until_s: float | None = None, **options: Any) -> Rec
     """Return the rows of ``fly_plan(plan, **options)`` until ``until_s``; None: all rows."""
     whole = load_plan(plan) if isinstance(plan, str) else plan
     with (
-        patch("heli3dof.experiment.fly.monitors_for", lambda profile: NO_MONITORS),
+        patch("heli3dof.experiment.fly.monitors_for", lambda profile: ()),
         patch("heli3dof.rig.drivers.registered", DRIVERS),
     ):
         if until_s is None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.batch.bootstrap import block_replicate
+from heli3dof.batch.task import Task
 from heli3dof.batch.thrust_columns import thrust_columns
 from heli3dof.diagnosis import name_of
 from heli3dof.integrity import Kind, integrity
@@ -18,7 +19,6 @@ from heli3dof.recording.info import read_with_info
 from heli3dof.recording.load import load
 from heli3dof.recording.mcap_files.recover import recover
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import Profile
 
 FITS = ("one_step", "0.5_s", "1_s")
 """Prediction horizons for which the results table has columns with the fit"""
@@ -30,19 +30,20 @@ Row = dict[str, Any]
 class Job:
     """The arguments with which a worker runs a verb (subcommand) on one recording."""
 
+    task: Task
     path: Path | None
     """The recording's file on the worker's machine; None in a sweep"""
-    label: str
-    """Name of the files that the verb writes"""
     folder: Path
     """Folder in which the verb writes; its files are then moved to the output folder"""
-    options: Mapping[str, Any]
-    profile: Profile | None
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        return self.task.options
 
     @cached_property
     def recording(self) -> Recording:
         """Return the job's recording. Raises RecordingError or UsageError if it is unreadable."""
-        return load(self.file, self.profile)
+        return load(self.file, self.task.profile)
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
@@ -50,7 +51,7 @@ class Job:
 
         Of an incomplete file, the recording is the intact part.
         """
-        return read_with_info(self.file, self.profile)
+        return read_with_info(self.file, self.task.profile)
 
     @property
     def file(self) -> Path:
@@ -61,9 +62,9 @@ class Job:
     def output(self, kind: str, ending: str) -> Path:
         """Return the path of an output file of the job; create its folder.
 
-        The folder is called ``kind``, the file has the job's name and this ``ending``.
+        The folder is called ``kind``, the file has the task's label and this ``ending``.
         """
-        path = self.folder / kind / f"{self.label}{ending}"
+        path = self.folder / kind / f"{self.task.label}{ending}"
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
@@ -280,7 +281,7 @@ def _run(job: Job) -> Document:
 
     device, path = str(job.options["device"]), job.output("recordings", ".mcap")
     flight = fly_plan(
-        plan_from_dict(job.options["plan"]), device=device, profile=job.profile, output=path
+        plan_from_dict(job.options["plan"]), device=device, profile=job.task.profile, output=path
     )
     flight.raise_if_cut_short()
     return {

@@ -80,11 +80,10 @@ class NamedShare:
         return float(low), float(high)
 
     def to_dict(self) -> dict[str, Any]:
-        low, high = self.interval
         return {
             "cause": self.cause,
             "share": self.share,
-            "interval": [low, high],
+            "interval": list(self.interval),
             "replicates": self.of,
             "in_recording": self.in_recording,
         }
@@ -108,8 +107,7 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 def causes_of(row: Mapping[str, Any]) -> set[str]:
     """Return the causes in the row of a diagnosis, and the effects confounded with them.
 
-    Effects on the time stamps (``timing.gaps``) are left out, because the pauses between the blocks
-    of a bootstrap replicate cause them.
+    Effects on the time stamps are left out.
 
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']

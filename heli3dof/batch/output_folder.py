@@ -17,7 +17,6 @@ import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from filelock import FileLock, Timeout
@@ -76,10 +75,7 @@ class OutputFolder:
                 write_all(self._journal, b"\n")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    def __exit__(self, *error: object) -> None:
         self._journal.close()
         self._lock.release()
 
@@ -112,10 +108,9 @@ class OutputFolder:
 
 
 def journal_lines(folder: Path) -> Iterator[Line]:
-    """Yield the complete lines of a batch's journal as dicts with four keys.
+    """Yield the complete lines of a batch's journal: dicts with fields of `Outcome`.
 
-    ``key`` is the task's key, and ``row`` its row of the table. ``final`` is false if a retry may
-    succeed. ``cost`` holds the seconds and bytes that the task needed.
+    The keys are ``key``, ``final``, ``row`` and ``cost``.
     """
     path = folder / JOURNAL
     if not path.exists():

@@ -1,9 +1,8 @@
 """The first columns of the results table, which describe the recording.
 
 They are the same for all subcommands of ``heli3dof batch``, and the condition of ``--where`` may
-contain them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns ``roll_start_deg_std``
-and ``pitch_start_deg_std`` contain the standard deviation of an encoder's rounding error,
-360°/(√12 · counts per revolution).
+contain them. The columns ``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard
+deviation of an encoder's rounding error, 360°/(√12 · counts per revolution).
 """
 
 from __future__ import annotations
@@ -56,13 +55,12 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
     starts: dict[str, float | None] = {}
     for axis in STARTS:
         i = AXES.index(axis)
-        known = axis in recording.axes and len(recording) > 0
-        start = float(np.rad2deg(recording.angle[0, i])) if known else math.nan
+        start_deg = np.rad2deg(recording.angle[:1, i])
         count_deg = float(np.rad2deg(abs(recording.profile.encoder.rad_per_count[i])))
-        known = math.isfinite(start)
-        starts[f"{axis}_start_deg"] = start if known else None
+        known = np.isfinite(start_deg).any()
+        starts[f"{axis}_start_deg"] = float(start_deg[0]) if known else None
         starts[f"{axis}_start_deg_std"] = count_deg / math.sqrt(12) if known else None
-    values = {
+    return {
         "recording": path,
         "name": about["name"],
         "rig": about["profile"],
@@ -79,7 +77,6 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
         **starts,
         "digest": about["digest"],
     }
-    return {name: values[name] for name in COLUMNS}
 
 
 def _resolved(time_s: float | None) -> float | None:

@@ -13,7 +13,7 @@ from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.results_table import write_table
 from heli3dof.batch.run_task import failed, run_task
 from heli3dof.batch.sources import Source
-from heli3dof.batch.task import Outcome, Task, code_version, key_of
+from heli3dof.batch.task import Outcome, Task
 from heli3dof.errors import Heli3dofError
 from heli3dof.rig.profile import Profile
 
@@ -22,11 +22,7 @@ Progress = Callable[["Batch"], None]
 
 @dataclass
 class Batch:
-    """The progress of a batch: how many of its tasks are done, failed or left out.
-
-    A task is left out if its recording does not meet the condition ``--where``. `run_batch` passes
-    this object to the function ``progress``.
-    """
+    """The progress of a batch: how many of its tasks are done, failed or left out."""
 
     total: int
     """Number of all tasks; a task is a recording, a bootstrap replicate, or a flight of a sweep."""
@@ -37,7 +33,7 @@ class Batch:
     failed: int = 0
     """Tasks of this and earlier runs whose verb failed"""
     left_out: int = 0
-    """Tasks whose recording does not meet the condition"""
+    """Tasks whose recording does not meet the condition ``--where``"""
     first_failure: str = ""
     """Name and error message of the first failed task"""
     tables: Sequence[Path] = ()
@@ -53,15 +49,15 @@ def tasks_of(
 ) -> Iterator[Task]:  # fmt: skip
     """Yield a task for each pair of a recording in ``sources`` and a set of options in ``options``.
 
-    ``where``: the condition that a recording must meet, empty for none. ``profile``: the rig's
-    profile; it is needed for logs, which contain none.
+    ``profile`` and ``where``: as in `Task`.
     """
-    version = code_version()
     for source in sources:
-        content = source.fingerprint()
+        fingerprint = source.fingerprint()
         for each in options:
-            key = key_of(verb, source.name, content, each, profile, version)
-            yield Task(verb, key, source.name, source.where, each, profile, where)
+            yield Task.new(
+                verb, source.name, each, profile, source=source.where, fingerprint=fingerprint,
+                where=where,
+            )  # fmt: skip
 
 
 def run_batch(
@@ -70,10 +66,9 @@ def run_batch(
 ) -> Batch:  # fmt: skip
     """Run the tasks that have no final outcome in ``folder``; return the `Batch`.
 
-    An outcome is final if no retry would change it. ``engine`` runs the tasks. The `Batch` counts
-    the tasks; ``progress`` is called with it at the start and after each outcome. At the end, or
-    after Ctrl-C or an error, the function writes the results table. The table has a row for each of
-    the ``tasks`` with an outcome, in their order.
+    ``progress`` is called at the start and after each outcome. At the end, or after Ctrl-C or an
+    error, the function writes the results table: a row for each of the ``tasks`` with an outcome,
+    in their order.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())
@@ -124,4 +119,4 @@ def _lost(task: Task, lost: Lost) -> Outcome:
         cause="the memory was full, or somebody ended the worker.",
         fix="the same command with --resume and fewer --workers",
     )
-    return failed(task, error, final=False)
+    return failed(task, error)

@@ -1,7 +1,7 @@
 """`run_task`: run one subcommand on one recording, in a worker process.
 
-It never raises an exception: a failure is an outcome with an exit code. The subcommand reads and
-writes in a temporary folder, whose paths `_replaced` replaces in the outcome.
+The subcommand reads and writes in a temporary folder, whose paths `_replaced` replaces in the
+outcome.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ def run_task(task: Task) -> Outcome:
     return replace(outcome, cost={**outcome.cost, **cost})
 
 
-def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
-    """Return the outcome of a task that ended with ``error``; ``final``: it would fail again."""
+def failed(task: Task, error: BaseException) -> Outcome:
+    """Return the outcome of a task that ended with ``error``."""
+    final = is_final(error)
     if not isinstance(error, Heli3dofError):
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",
@@ -64,7 +65,7 @@ def _run(task: Task, folder: Path) -> Outcome:
     try:
         path = _local(task, folder)
         read_bytes = float(path.stat().st_size) if path else 0.0
-        job = Job(path, task.label, folder / "out", task.options, task.profile)
+        job = Job(task, path, folder / "out")
         if task.source:
             recording = job.intact[0] if verb.accepts_torn else job.recording
             columns = recording_columns(recording, task.source)
@@ -76,7 +77,7 @@ def _run(task: Task, folder: Path) -> Outcome:
             task.key, row, dict(document), _files(job.folder), cost={"read_bytes": read_bytes}
         )
     except Exception as error:
-        outcome = failed(task, error, final=is_final(error))
+        outcome = failed(task, error)
         return replace(
             outcome, row={**outcome.row, **columns}, files=_files(folder / "out"),
             cost={"read_bytes": read_bytes},

@@ -23,14 +23,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from heli3dof.batch.task import Task, code_version, key_of
+from heli3dof.batch.task import Task
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan
 from heli3dof.rig.drivers import check_url, is_private
@@ -54,14 +53,6 @@ class SweepFile(Section):
     design: Annotated[Design | None, Key("points in ranges")] = None
 
 
-@dataclass(frozen=True)
-class SweptFlight:
-    """One flight of a sweep: the emulated rig's URL ``device``, and varied option → value."""
-
-    device: str
-    values: Mapping[str, Value]
-
-
 def read_sweep(path: Path) -> SweepFile:
     """Return the sweep in a TOML file; raises UsageError that names the faulty key."""
     sweep: SweepFile = check(SweepFile, read_toml(path, "sweep", UsageError), str(path), UsageError)
@@ -78,19 +69,22 @@ def read_sweep(path: Path) -> SweepFile:
             cause="a value is either listed or drawn.",
             fix="remove it from one of the two",
         )
-    for flight in itertools.islice(flights(sweep), 1):
-        check_url(flight.device)
+    for device, _ in itertools.islice(flights(sweep), 1):
+        check_url(device)
     return sweep
 
 
-def flights(sweep: SweepFile) -> Iterator[SweptFlight]:
-    """Yield the flights: every combination of the ``vary`` values, at every ``design`` point."""
+def flights(sweep: SweepFile) -> Iterator[tuple[str, dict[str, Value]]]:
+    """Yield each flight's emulated rig (its URL) and its values: varied option → value.
+
+    The flights are every combination of the ``vary`` values, at every ``design`` point.
+    """
     names = list(sweep.vary)
     number = itertools.count()
     for values in itertools.product(*sweep.vary.values()):
         for point in _points(sweep.design):
             chosen = {**dict(zip(names, values, strict=True)), **point}
-            yield SweptFlight(_device(sweep.device, {"seed": next(number), **chosen}), chosen)
+            yield _device(sweep.device, {"seed": next(number), **chosen}), chosen
 
 
 def tasks_of_sweep(path: Path, profile: Profile) -> list[Task]:
@@ -98,11 +92,9 @@ def tasks_of_sweep(path: Path, profile: Profile) -> list[Task]:
     sweep = read_sweep(path)
     plan = load_plan(sweep.plan).to_dict()
     tasks = []
-    for number, flight in enumerate(flights(sweep)):
-        name = f"{path.stem}-{number:04d}"
-        options = {"plan": plan, "device": flight.device, "varied": dict(flight.values)}
-        key = key_of("run", name, "", options, profile, code_version())
-        tasks.append(Task("run", key, name, options=options, profile=profile))
+    for number, (device, varied) in enumerate(flights(sweep)):
+        options = {"plan": plan, "device": device, "varied": varied}
+        tasks.append(Task.new("run", f"{path.stem}-{number:04d}", options, profile))
     return tasks
 
 

@@ -38,7 +38,7 @@ class Task:
 
     verb: str
     key: str
-    """The task's key, computed by `key_of`"""
+    """The task's key, computed by `new`"""
     name: str
     """The recording's name: that of its file without the ending"""
     source: str = ""
@@ -51,6 +51,23 @@ class Task:
     """Condition of ``--where``; a recording that does not meet it is left out. Empty: none"""
     content: bytes | None = None
     """The file's content, for a worker that cannot read it itself"""
+
+    @classmethod
+    def new(
+        cls, verb: str, name: str, options: Mapping[str, Any], profile: Profile | None, *,
+        source: str = "", fingerprint: str = "", where: str = "",
+    ) -> Task:  # fmt: skip
+        """Return a task whose key is the SHA-256 (hexadecimal) of all that its result depends on.
+
+        ``fingerprint``: hash of the recording's content.
+        """
+        parts = {
+            "verb": verb, "name": name, "content": fingerprint, "options": options,
+            "version": code_version(), "profile": None if profile is None else profile.to_dict(),
+        }  # fmt: skip
+        text = json.dumps(parts, sort_keys=True, ensure_ascii=False, default=str)
+        key = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
+        return cls(verb, key, name, source, options, profile, where)
 
     @property
     def label(self) -> str:
@@ -89,22 +106,6 @@ def code_version() -> str:
         digest.update(path.relative_to(folder).as_posix().encode())
         digest.update(path.read_bytes())
     return f"{metadata.version('heli3dof')}+{digest.hexdigest()[:12]}"
-
-
-def key_of(
-    verb: str, name: str, content: str, options: Mapping[str, Any], profile: Profile | None,
-    version: str,
-) -> str:  # fmt: skip
-    """Return the SHA-256 (hexadecimal) of all that a task's result depends on.
-
-    ``content``: hash of the recording's content; ``version``: the `code_version` of heli3dof.
-    """
-    parts = {
-        "verb": verb, "name": name, "content": content, "options": options, "version": version,
-        "profile": None if profile is None else profile.to_dict(),
-    }  # fmt: skip
-    text = json.dumps(parts, sort_keys=True, ensure_ascii=False, default=str)
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def is_final(error: BaseException) -> bool:

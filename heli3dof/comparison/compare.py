@@ -49,8 +49,6 @@ from heli3dof.recording.recording import Recording
 __all__ = ["Comparison", "FlightComparison", "compare", "compare_flight"]
 
 T = TypeVar("T")
-
-
 Models = Sequence[Model] | Callable[[Recording], Sequence[Model]]
 
 
@@ -86,11 +84,10 @@ def compare_flight(
     recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S,
     identify_controller: bool = False,
 ) -> FlightComparison:  # fmt: skip
-    """Return the comparison of several models with one recording.
+    """Return the comparison of several models with one recording; arguments as in `compare`.
 
-    ``horizons_s``: prediction horizons in s. A horizon is left out if every uninterrupted run of
-    rows in flight (`heli3dof.identification.row_selection.rows_in_flight`) is shorter.
-    ``identify_controller``: as in `compare`.
+    A prediction horizon is left out if every uninterrupted run of rows in flight
+    (`heli3dof.identification.row_selection.rows_in_flight`) is shorter.
     """
     flown = corrected(under_control(recording))
     if identify_controller and flown.profile.controller is None:
@@ -148,10 +145,10 @@ def _model_comparison(
         error = np.degrees(replayed.angle - flown.angle)
         # Not nanmean: a model that diverges has no RMSE.
         rmse = np.sqrt(np.mean(error**2, axis=0))
-        trace = Trace(label, "replay", replayed.t, replayed.angle)
+        trace = Trace("replay", replayed.t, replayed.angle)
         cannot = (*cannot, *_divergence(replayed))
     elif made is not None:
-        trace = Trace(label, "prediction", *stitched(flown, made))
+        trace = Trace("prediction", *stitched(flown, made))
     return ModelComparison(
         name=label,
         kind=model.kind,

@@ -176,9 +176,8 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    The module defines the segments of a reference. If the reported segment is of the kind ``hold``
-    or ``moving``, its metrics use only the rows from the time ``since_s`` (s) on. ``resolution``
-    (rad), the angle of one encoder count, is the least half-width of the settling band.
+    If the reported segment is of the kind ``hold`` or ``moving``, its metrics use only the rows
+    from the time ``since_s`` (s) on. ``resolution`` (rad): as in `step_metrics`.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
 
@@ -207,11 +206,7 @@ def _changes(reference: FloatArray) -> IndexArray:
 
 
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
-    """Return the segments of a reference ``ref`` (N,), split where its value changes.
-
-    A reference with over half of its rows in constant parts shorter than `MIN_HOLD_S` is a single
-    ``moving`` segment. t (N,) in s; ``ref`` and the angle y (N,) in degrees.
-    """
+    """Return the segments of a reference ``ref``; t (N,) in s, ``ref`` and angle y (N,) in °."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
@@ -283,8 +278,7 @@ def _steady_error(t: FloatArray, error: FloatArray) -> float:
 def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
     """Return the time (s) at which ``progress`` first rises through ``level``; NaN if never.
 
-    ``progress`` (N,) is the angle, scaled to 0 at the step's start and 1 at its set value. ``t``
-    (N,) in s.
+    ``progress`` (N,): the angle, 0 at the step's start and 1 at its set value. ``t`` (N,) in s.
     """
     above = progress >= level
     k = int(np.argmax(above))
@@ -295,10 +289,7 @@ def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
 
 
 def _settling(t: FloatArray, outside: BoolArray) -> float:
-    """Return the time (s) after ``t[0]`` from which no sample is ``outside`` the settling band.
-
-    ``outside``: (N,) bool. The result is NaN if the last sample is outside.
-    """
+    """Return the time (s) after ``t[0]`` from which no row is ``outside``; NaN if the last is."""
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

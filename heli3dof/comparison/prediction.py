@@ -23,6 +23,8 @@ from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.5, 1.0, 3.0)
+CONSTANT_ANGLES = "constant angles"
+"""Name of the baseline predictor among the models"""
 STEPS_DRAWN = 30
 """Number of horizons in a prediction window whose curve is drawn: every 0.1 s of 3 s"""
 STEPS_AVERAGED = 12
@@ -49,9 +51,6 @@ class Predictions:
 
 class ConstantAngles:
     """The baseline predictor: every angle stays at its last measured value."""
-
-    name = "constant angles"
-    kind = "held"
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
         """Return, for each row, the angles measured ``horizon_s`` s earlier, (N, 3) in rad.
@@ -83,8 +82,7 @@ def predictions(
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
     """Return the samples that all models predict: horizon (s) → (N, 3) bool, by axis.
 
-    On each axis, models without any prediction of that axis are ignored. The errors of all models
-    are computed on these samples, so that a model with fewer predictions has no advantage.
+    On each axis, models without any prediction of that axis are ignored.
     """
     rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():

@@ -48,8 +48,7 @@ class Replay:
 def replay(model: Model, recording: Recording) -> Replay:
     """Return a model's closed-loop simulation with a recording's controller and references.
 
-    The simulation starts at rest at the recording's initial angles. Raises ValueError if the
-    recording lacks its controller, references or initial angles
+    Raises ValueError if the recording lacks its controller, references or initial angles
     (`heli3dof.model.control.loop_task.why_not_replayed`).
     """
     flown = under_control(recording)

@@ -12,6 +12,7 @@ from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS, AxisMetrics
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.verdict import verdict
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.safety_trip import trip_warning
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 class Trace:
     """A model's curve for a figure: times t (M,) s, angle (M, 3) rad; NaN interrupts the curve."""
 
-    label: str
     kind: str
     """``replay`` (closed-loop simulation) or ``prediction`` (multi-step, in successive windows)"""
     t: FloatArray
@@ -75,6 +75,12 @@ class FlightComparison:
     """Why the closed loop was not simulated; None if it was"""
     constant_angles: PredictionError | None
     models: tuple[ModelComparison, ...]
+
+    @property
+    def predictions(self) -> dict[str, PredictionError | None]:
+        """Return model → its prediction errors; the baseline `CONSTANT_ANGLES` is the last."""
+        models = {m.name: m.prediction for m in self.models}
+        return {**models, CONSTANT_ANGLES: self.constant_angles}
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
         """Return the model's six step metrics on ``axis`` minus the measured; NaN: undefined."""

@@ -15,15 +15,15 @@ import numpy as np
 
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 
 if TYPE_CHECKING:
-    from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+    from heli3dof.comparison.result import Comparison
 
 HORIZON_S = 1.0
 """s: horizon of the predictions, as in a diagnosis. 0.1 s ahead, all models are about equal."""
 EQUAL = 1.05
 """Ratio of two RMSE up to which the models count as equally good (a convention)"""
-STILL = "constant angles"
 Errors = Mapping[str, FloatArray]
 """Model → RMSE (3,) in degrees; NaN where the model has none"""
 
@@ -48,19 +48,12 @@ def verdict(comparison: Comparison) -> tuple[str, ...]:
 def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, FloatArray]:
     """Return model → RMSE (3,) in degrees of predictions ``horizon_s`` s ahead.
 
-    The baseline is among the models, with the name ``constant angles``. If there are recordings
-    that every model predicts, only these are used.
+    The baseline `CONSTANT_ANGLES` is among the models.
     """
-
-    def error(f: FlightComparison, m: ModelComparison | None) -> FloatArray | None:
-        made = f.constant_angles if m is None else m.prediction
-        return None if made is None else made.ahead_deg.get(horizon_s)
-
-    table = [
-        {**{m.name: error(f, m) for m in f.models}, STILL: error(f, None)}
+    return _pooled([
+        {n: None if p is None else p.ahead_deg.get(horizon_s) for n, p in f.predictions.items()}
         for f in comparison.flights
-    ]
-    return _pooled(table)
+    ])  # fmt: skip
 
 
 def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
@@ -87,10 +80,10 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 def _best(errors: Errors, what: str) -> list[str]:
     """Return one sentence in a list: each axis's best model, its error and another model's error.
 
-    The other model is ``hover`` if that is not the best, else the next best one. The list is empty
-    if no error is known. ``what`` describes the ``errors``, for example "closed-loop replay".
+    The list is empty if no error is known. ``what`` describes the ``errors``, for example
+    "closed-loop replay".
     """
-    models = {name: e for name, e in errors.items() if name != STILL}
+    models = {name: e for name, e in errors.items() if name != CONSTANT_ANGLES}
     groups: dict[tuple[str, ...], list[str]] = {}
     for i, axis in enumerate(AXES):
         known = {name: float(e[i]) for name, e in models.items() if np.isfinite(e[i])}
@@ -121,38 +114,29 @@ def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) ->
     One sentence names the models and axes at the horizon ``horizon_s`` (s). Another one names the
     axes and horizons at which all models are worse. ``ahead``: horizon (s) → errors by model.
     """
-
-    def worse(name: str, h: float, i: int) -> bool:
-        return bool(ahead[h][name][i] > ahead[h][STILL][i])
-
-    models = [n for n in ahead[horizon_s] if n != STILL]
-    if STILL not in ahead[horizon_s] or not models:
+    models = [n for n in ahead[horizon_s] if n != CONSTANT_ANGLES]
+    if CONSTANT_ANGLES not in ahead[horizon_s] or not models:
         return []
-    lost = {
-        axis: hs
-        for i, axis in enumerate(AXES)
-        if (
-            hs := [
-                f"{h:g}"
-                for h in ahead
-                if STILL in ahead[h]
-                and all(worse(n, h, i) for n in models if n in ahead[h])
-                and np.isfinite(ahead[h][STILL][i])
-            ]
-        )
-    }
+    single, every = [], []
+    for name in models:
+        worse = ahead[horizon_s][name] > ahead[horizon_s][CONSTANT_ANGLES]
+        if worse.any():
+            single.append(f"{name} on {_listed([AXES[i] for i in np.flatnonzero(worse)])}")
+    for i, axis in enumerate(AXES):
+        lost = []
+        for h, errors in ahead.items():
+            still = errors[CONSTANT_ANGLES][i] if CONSTANT_ANGLES in errors else np.nan
+            if np.isfinite(still) and all(errors[n][i] > still for n in models if n in errors):
+                lost.append(f"{h:g}")
+        if len(models) > 1 and lost not in ([], [f"{horizon_s:g}"]):
+            every.append(f"{axis} {_listed(lost)} s ahead")
     sentences = []
-    single = [
-        f"{name} on {_listed(axes)}"
-        for name in models
-        if (axes := [a for i, a in enumerate(AXES) if worse(name, horizon_s, i)])
-    ]
     if single:
-        sentences.append(f"Worse than {STILL} {horizon_s:g} s ahead: {'; '.join(single)}.")
-    longer = {a: hs for a, hs in lost.items() if hs != [f"{horizon_s:g}"]}
-    if longer and len(models) > 1:
-        parts = [f"{axis} {_listed(hs)} s ahead" for axis, hs in longer.items()]
-        sentences.append(f"No model is better than {STILL} on {'; '.join(parts)}.")
+        sentences.append(
+            f"Worse than {CONSTANT_ANGLES} {horizon_s:g} s ahead: {'; '.join(single)}."
+        )
+    if every:
+        sentences.append(f"No model is better than {CONSTANT_ANGLES} on {'; '.join(every)}.")
     return sentences
 
 

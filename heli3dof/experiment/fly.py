@@ -56,11 +56,7 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise the exception that states how the flight ended; do nothing after a completed plan.
-
-        `raise_if_cut_short` lists the exceptions. ``path``: the recording's file, which the message
-        names; None if there is no file.
-        """
+        """As `raise_if_cut_short`; ``path``: the recording's file, None if there is none."""
         is_gone = path is not None and not path.exists()
         kept = f"; the recording is kept in {path}" if path else ""
         if is_gone:
@@ -94,8 +90,7 @@ class Flight:
 def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
     """Check the plan and the controller's gain; return the plan's signals.
 
-    ``seed``: seed of the plan's random signals. Raises PlanError, or UnstableLoop if the gain does
-    not stabilise the profile's hover model.
+    Raises PlanError, or UnstableLoop if the gain does not stabilise the profile's hover model.
     """
     signals = checked(plan, profile, seed)
     check_hover_loop(profile)
@@ -207,17 +202,15 @@ def _fly(
     received: StopSignals,
     live: Live,
 ) -> Outcome:
-    monitors = monitors_for(profile)
     outcome = fly(
         rig,
         profile,
         signals,
         sink,
         stop=received.reason,
-        stop_without_ramp=lambda: received.stop_without_ramp() or monitors.stop_without_ramp(),
+        stop_without_ramp=received.stop_without_ramp,
         live=live,
-        monitors=monitors.each_period,
-        awaits_fall=monitors.awaits_fall,
+        monitors=monitors_for(profile),
     )
     # Disarm before the recording is finished: a disk may take longer than the device's watchdog.
     # `open_rig` closes the rig again, and reports what went wrong.

@@ -128,10 +128,9 @@ class Plan:
 
 
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Render a plan, check it against the profile's limits, and return its signals.
+    """Return the signals of `Plan.render` after checking them against the profile's limits.
 
-    ``seed``: seed of the random signals. Raises PlanError if `Plan.render` does, or if duration,
-    references or added voltages exceed the limits.
+    Raises PlanError if duration, references or added voltages exceed the limits.
     """
     limits = profile.limits
     if plan.duration_s > limits.duration_max_s:  # before rendering, which needs memory

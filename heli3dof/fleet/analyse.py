@@ -17,11 +17,11 @@ from heli3dof.fleet.siblings import differing_rigs, fleet_estimate
 from heli3dof.fleet.tracks import (
     Row,
     Track,
-    bad_recordings,
     main_plan,
     named_by_serial,
     quantities_of,
     tracks_of,
+    usable_and_bad,
 )
 
 
@@ -31,19 +31,18 @@ def analyse(rows: Sequence[Row]) -> Fleet:
     `heli3dof.fleet.tracks.read_rows` reads the ``rows`` from a batch's results table. Raises
     RecordingError if no row has a usable estimate.
     """
-    rows = named_by_serial(rows)
-    bad = bad_recordings(rows)
-    names = quantities_of(rows)
+    usable, bad = usable_and_bad(named_by_serial(rows))
+    names = quantities_of(usable)
     if not set(names) - set(COLUMNS):
         raise RecordingError(
             f"None of the {len(rows)} recordings has an estimate that can be used.",
             cause=f"no recording can be used; the first: {bad[0].recording}: {bad[0].reason}."
-            if len(bad) == len(rows)
+            if not usable
             else "the batch ran another verb, such as info, which states no numbers of a rig.",
-            fix=f"heli3dof diagnose {quoted(bad[0].recording)}" if len(bad) == len(rows)
+            fix=f"heli3dof diagnose {quoted(bad[0].recording)}" if not usable
             else "heli3dof batch identify REC... -o FOLDER",
         )  # fmt: skip
-    tracks, plan = tracks_of(rows, names), main_plan(rows)
+    tracks, plan = tracks_of(usable, names), main_plan(usable)
     quantities = tuple(
         _quantity(name, [t for t in tracks if t.quantity == name], len(names), plan)
         for name in names
@@ -65,10 +64,9 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
     """Return the changes of one quantity of one rig, and its estimate since the last step.
 
-    ``track``: values of the quantity; ``siblings``: the same quantity's values of the other rigs;
-    ``quantities``: number of quantities in the table. The estimate uses the flights of one plan
-    since the last step: those of ``plan``. If there are none, it uses those of the plan that is
-    most frequent among the flights since the last step.
+    ``siblings``: the quantity's values of the other rigs; ``quantities``: number of quantities. The
+    estimate uses the flights of ``plan`` since the last step. If there are none, it uses those of
+    the plan that is most frequent among the flights since the last step.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

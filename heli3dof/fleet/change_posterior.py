@@ -85,12 +85,7 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class ChangePosterior:
-    """Posterior probability and size δ of each possible change in n flights.
-
-    Each possible change is a model: a step, two steps, a drift through all flights, or a deviating
-    flight. A step is before one of the flights 2 … n − 2 (the first is flight 0), so it has at
-    least two flights on each side.
-    """
+    """Posterior probability and size δ of each possible change in n flights, each a model."""
 
     places: Places
     """Kind → for each model, the flights at which it has the change.
@@ -229,11 +224,7 @@ def _two_steps(
 
 
 def change_places(n: int) -> Places:
-    """Return {kind of change: models}, the possible changes in ``n`` flights.
-
-    Each model is a tuple of flight numbers, such as (3,) for a step before flight 3
-    (`ChangePosterior.places`).
-    """
+    """Return the possible changes in ``n`` flights, as `ChangePosterior.places`."""
     firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
     grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]
     return {
@@ -245,10 +236,7 @@ def change_places(n: int) -> Places:
 
 
 def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
-    """Return the regressors x (models, n) of all models of a ``kind`` of change in n flights.
-
-    ``kind``: one of `SINGLE`, which have one size δ; ``t`` (n,): times of the flights.
-    """
+    """Return the regressors x (models, n) of a ``kind`` in `SINGLE`; ``t`` (n,): flights' times."""
     flights, at = np.arange(len(t)), np.array(places[kind])
     if kind == "drift":
         time = t - t[0] if t[-1] > t[0] else flights.astype(float)

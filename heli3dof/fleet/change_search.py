@@ -18,7 +18,7 @@ together, this is 0.15 · 0.05/0.95 = 0.8 % per semester.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
@@ -83,11 +83,7 @@ class Change:
 
 
 def track_prior(quantities: int) -> Prior:
-    """Return the prior probability of each kind of change in one quantity of a rig.
-
-    This is the rig's expected number of such changes (`CHANGES_PER_RIG_SEMESTER`), divided by
-    ``quantities``, the number of quantities in the batch's results table.
-    """
+    """Return the prior probability of each kind of change in one of a rig's ``quantities``."""
     return _scaled(CHANGES_PER_RIG_SEMESTER, 1 / quantities)
 
 
@@ -137,10 +133,9 @@ class _Series:
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
-        """Return the posterior probabilities of changes within a part of the series.
+        """Return the posterior of changes in ``flights``, indices of a part of the series.
 
-        ``flights`` are the indices of this part. The prior probabilities of changes are multiplied
-        by the share of these flights in the series.
+        The prior probabilities are multiplied by the share of these flights in the series.
         """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = _scaled(self.prior, len(flights) / len(self.y))
@@ -149,9 +144,7 @@ class _Series:
         equal = np.ones(len(y))
         by_rank = change_posterior(normal_scores(y), equal, t, prior, plans)
         sized = change_posterior(y, equal, t, prior, plans)
-        return ChangePosterior(
-            by_rank.places, by_rank.constant, by_rank.probability, sized.size, sized.size_std
-        )
+        return replace(by_rank, size=sized.size, size_std=sized.size_std)
 
 
 def normal_scores(y: FloatArray) -> FloatArray:
@@ -164,10 +157,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
 
 
 def _candidates(series: _Series) -> Iterator[Change]:
-    """Yield the deviating flights that a Hampel filter proposes and the posterior confirms.
-
-    Each proposed flight is tested alone, among all flights that are not proposed.
-    """
+    """Yield the deviating flights that a Hampel filter proposes and the posterior confirms."""
     from scipy.ndimage import median_filter
 
     n = len(series.y)
@@ -188,12 +178,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the changes in ``flights``, found by recursive search.
-
-    The most probable change is yielded. If it consists of one or two steps, they divide the flights
-    into parts, and each part is searched, too. Nothing is yielded if the flights are too few, or
-    the probability of any change is below `REPORTED`.
-    """
+    """Yield the changes in ``flights``, found by recursive search; steps divide them into parts."""
     if not series.is_searchable(flights):
         return
     posterior = series.posterior(flights)
@@ -223,9 +208,8 @@ def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Cha
     """Return ``steps``, each computed again from the flights between its neighbouring steps.
 
     This is repeated until the dates no longer change. Then, if there are doubtful steps, the least
-    probable one is removed, and the others are computed again. A step is doubtful if the
-    probability of any change is below `REPORTED`, or that of a step is below 0.5. ``kept``: the
-    flights that do not deviate.
+    probable one is removed, and the others are computed again. ``kept``: the flights that do not
+    deviate.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]
@@ -276,10 +260,9 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return the most probable dates of a step: first flight after the step → probability.
+    """Return the fewest dates of a step whose probabilities add up to at least `DATES`.
 
-    The result has the fewest dates whose probabilities add up to at least `DATES`. ``share``: the
-    probability that the step is before each of ``flights``, from index 2 on; their sum is 1.
+    ``share``: the probability that the step is before each of ``flights``, from index 2 on.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

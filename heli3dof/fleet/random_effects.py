@@ -19,7 +19,7 @@ variance B·sᵢ² + (1 − B)²·var θ̂.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -37,8 +37,6 @@ class Estimate:
     value: float
     std: float
     """Standard error of ``value``; NaN if it is not known"""
-    freedom: float
-    """Degrees of freedom of ``std``"""
     scatter: float
     """τ, the standard deviation between measurements; NaN for one measurement"""
 
@@ -49,7 +47,7 @@ class Estimate:
 
         if self.n < 2:
             return np.nan, np.nan
-        half = float(t.ppf(0.5 + LEVEL / 2, self.freedom)) * self.std
+        half = float(t.ppf(0.5 + LEVEL / 2, self.n - 1)) * self.std
         return self.value - half, self.value + half
 
 
@@ -61,19 +59,16 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
     n = len(y)
     if n == 1:
         std = float(s[0]) if s[0] > 0 else np.nan
-        return Estimate(1, float(y[0]), std, inf, np.nan)
+        return Estimate(1, float(y[0]), std, np.nan)
     variance = scatter_variance(y, s)
     w = _weights(s, variance)
     value = float(y[0] + w @ (y - y[0]) / w.sum())  # exact if all y are equal
     q = float(w @ (y - value) ** 2) / (n - 1)
-    return Estimate(n, value, sqrt(q / w.sum()), n - 1, sqrt(variance))
+    return Estimate(n, value, sqrt(q / w.sum()), sqrt(variance))
 
 
 def scatter_variance(y: FloatArray, s: FloatArray) -> float:
-    """Return the variance τ² between two or more measurements, by Paule and Mandel's method.
-
-    ``y``, ``s`` (n,): values and standard deviations.
-    """
+    """Return the variance τ² between two or more measurements ``y`` (n,) with std ``s`` (n,)."""
     from scipy.optimize import brentq
 
     n = len(y)
@@ -104,11 +99,9 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (n,) of the measurements' own values, and their standard deviations (n,).
+    """Return estimates (n,) of the own values θ + bᵢ, and their standard deviations (n,).
 
-    The own value of measurement i is θ + bᵢ (see the module): the value without the error eᵢ. Its
-    estimate is yᵢ, shrunken towards the mean. ``estimate`` is what `random_effects` returns for the
-    measurements ``y`` (n,) with standard deviations ``s`` (n,), n ≥ 2.
+    ``estimate``: what `random_effects` returns for ``y`` (n,) and ``s`` (n,), n ≥ 2.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

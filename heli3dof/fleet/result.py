@@ -30,10 +30,7 @@ THRUST_GAIN = "thrust_gain_ratio"
 
 @dataclass(frozen=True, eq=False)
 class ChangeGroup:
-    """A change; ``moved`` names the quantities whose estimates changed because of it.
-
-    Only a change of the thrust gain moves the estimates of other quantities.
-    """
+    """A change; ``moved`` names the quantities whose estimates changed because of it."""
 
     track: Track
     change: Change
@@ -111,10 +108,9 @@ class Fleet(Result):
     def change_groups(self) -> list[ChangeGroup]:
         """Return the changes in the order of `changes`; a thrust gain's changes are one group.
 
-        A flight determines torques and inertias only relative to the thrust gain. So if the thrust
-        gain changes by the factor g, their estimates change by 1/g. A change of another quantity
-        belongs to a change of the thrust gain if rig, kind and flight are the same. In addition,
-        its factor must be 1/g within the 95 % intervals.
+        A flight determines torques and inertias only relative to the thrust gain g. A change of
+        another quantity belongs to a change of g if rig, kind and flight are the same, and if its
+        factor is 1/g within the 95 % intervals.
         """
         found = self.changes()
         gains = [tc for tc in found if tc[0].quantity == THRUST_GAIN]

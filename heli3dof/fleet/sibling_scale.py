@@ -36,11 +36,7 @@ MAD_TO_STD = 1.4826
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
-    """Return the prior of φ², the variance of a quantity from flight to flight of one rig.
-
-    ``siblings``: the quantity's values of the other rigs. The result is None if fewer than
-    `LEAST_SIBLINGS` of them can be used.
-    """
+    """Return the prior of φ²; None if fewer than `LEAST_SIBLINGS` of the rigs can be used."""
     from scipy.special import digamma, polygamma
 
     found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]

@@ -47,10 +47,7 @@ class Difference:
 
 
 def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
-    """Return the mean of the rigs and the scatter between them, as an `Estimate`.
-
-    Rigs without a standard error are ignored; the result is None if no rig is left.
-    """
+    """Return the mean of the rigs and their scatter; None if no rig has a standard error."""
     known = [e for e in rigs.values() if isfinite(e.std)]
     if not known:
         return None

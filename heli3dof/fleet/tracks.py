@@ -77,10 +77,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
 
 
 def named_by_serial(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows with the rig ``NAME (SERIAL)`` where a profile's name has several serials.
-
-    The serial number tells rigs apart that share a profile.
-    """
+    """Return the rows with the rig ``NAME (SERIAL)`` where a profile's name has several serials."""
     serials: dict[str, set[object]] = {}
     for row in rows:
         serials.setdefault(rig_of(row), set()).add(row.get("serial") or None)
@@ -92,39 +89,28 @@ def named_by_serial(rows: Sequence[Row]) -> list[Row]:
     ]
 
 
-def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:
-    """Return the recordings that are not used, each with the reason."""
-    return tuple(
-        BadRecording(str(row["recording"]), rig_of(row), reason)
-        for row, reason in zip(rows, _reasons(rows), strict=True)
-        if reason
-    )
-
-
-def usable_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of the recordings that are used."""
-    return [row for row, reason in zip(rows, _reasons(rows), strict=True) if not reason]
+def usable_and_bad(rows: Sequence[Row]) -> tuple[list[Row], tuple[BadRecording, ...]]:
+    """Return the rows of the usable recordings, and the recordings that are not used."""
+    usable, bad, first = [], [], dict[str, str]()
+    for row in rows:
+        recording, reason, digest = str(row["recording"]), _reason(row), row.get("digest")
+        if not reason and digest:
+            same = first.setdefault(str(digest), recording)
+            reason = "" if same == recording else f"the same samples as {same}"
+        if reason:
+            bad.append(BadRecording(recording, rig_of(row), reason))
+        else:
+            usable.append(row)
+    return usable, tuple(bad)
 
 
 def main_plan(rows: Sequence[Row]) -> str:
-    """Return the name of the flight plan that most usable rows have.
+    """Return the name of the flight plan that most rows have.
 
     Rows without a flight plan count as one plan, with an empty name.
     """
-    plans = Counter(map(_plan, sorted(usable_rows(rows), key=_plan)))
+    plans = Counter(map(_plan, sorted(rows, key=_plan)))
     return plans.most_common(1)[0][0] if plans else ""
-
-
-def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Return for each row the reason why it is not used; an empty text for a usable row."""
-    reasons, first = [], dict[str, str]()
-    for row in rows:
-        reason, digest = _reason(row), row.get("digest")
-        if not reason and digest:
-            same = first.setdefault(str(digest), str(row["recording"]))
-            reason = "" if same == row["recording"] else f"the same samples as {same}"
-        reasons.append(reason)
-    return reasons
 
 
 def _reason(row: Row) -> str:
@@ -143,17 +129,16 @@ def rig_of(row: Row) -> str:
 
 
 def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
-    """Return the quantities of the usable rows, in the order of their columns."""
+    """Return the quantities with a value in any of the rows, in the order of their columns."""
     columns = dict.fromkeys(column for row in rows for column in row)
     named = [c for c in columns if c in WITHOUT_STD or c + STD in columns]
-    usable = usable_rows(rows)
-    return tuple(q for q in named if any(_value(row, q) is not None for row in usable))
+    return tuple(q for q in named if any(_value(row, q) is not None for row in rows))
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
     """Return a track of each rig for each of the ``quantities`` that the rig has, sorted by rig."""
     rigs: dict[str, list[Row]] = {}
-    for row in usable_rows(rows):
+    for row in rows:
         rigs.setdefault(rig_of(row), []).append(row)
     return tuple(
         track
@@ -171,12 +156,11 @@ def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
     their names. The starts are then None.
     """
     named = sorted(rows, key=_name)
-    starts = {id(row): _start(row.get("started_utc")) for row in named}
-    known = [t for t in starts.values() if t is not None]
-    if len(known) < len(named) or (len(named) > 1 and len(set(known)) == 1):
+    starts = [t for row in named if (t := _start(row.get("started_utc"))) is not None]
+    if len(starts) < len(named) or (len(named) > 1 and len(set(starts)) == 1):
         return named, None
-    ordered = sorted(named, key=lambda row: starts[id(row)] or 0.0)
-    return ordered, [starts[id(row)] or 0.0 for row in ordered]
+    order = np.argsort(starts, kind="stable")
+    return [named[i] for i in order], [starts[i] for i in order]
 
 
 def _start(text: object) -> float | None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from heli3dof.batch.analyses import ANALYSES, Job
+from heli3dof.batch.task import Task
 from heli3dof.recording.write import write_recording
 from tests.flown import flown
 from tests.paths import ROOT
 
 
 def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
-    job = Job(
-        ROOT / "recordings" / "train-1.mcap", "a", tmp_path, {"method": "pbsid", "order": 6}, None
-    )
+    task = Task.new("identify", "a", {"method": "pbsid", "order": 6}, None)
+    job = Job(task, ROOT / "recordings" / "train-1.mcap", tmp_path)
     row = ANALYSES["identify"].columns(ANALYSES["identify"].run(job))
     assert row["method"] == "pbsid"
     assert row["fit_one_step_roll_percent"] > 70
@@ -23,7 +23,8 @@ def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
 def test_a_parameter_at_the_bound_of_no_effect_has_no_standard_deviation(tmp_path: Path) -> None:
     """So `fleet` does not compare rigs by a bound. The simulated rig has no motor lag."""
     path = write_recording(flown("rich", 20.0, device="mock:?speed=max"), tmp_path / "no-lag.mcap")
-    job = Job(path, "a", tmp_path, {"terms": ["motor.lag", "friction.viscous.yaw"]}, None)
+    options = {"terms": ["motor.lag", "friction.viscous.yaw"]}
+    job = Job(Task.new("identify", "a", options, None), path, tmp_path)
     document = ANALYSES["identify"].run(job)
     row = ANALYSES["identify"].columns(document)
     assert document["absent"] == ["motor.lag.time_constant_s"]

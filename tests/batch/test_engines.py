@@ -80,8 +80,8 @@ def test_items_are_taken_as_workers_get_free(either: Engine) -> None:
 def test_a_cluster_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr("heli3dof.batch.engines.dask_cluster.ANSWER_S", 0.5)
-    with pytest.raises(DeviceError, match="does not answer"):
-        engine("tcp://127.0.0.1:9")
+    with pytest.raises(DeviceError, match="does not answer"), engine("tcp://127.0.0.1:9"):
+        pass
 
 
 def test_the_environment_variable_names_the_cluster(
@@ -96,5 +96,5 @@ def test_the_environment_variable_names_the_cluster(
 
 def test_workers_with_other_code_are_refused(cluster: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("heli3dof.batch.engines.dask_cluster.code_version", lambda: "0.0.1+other")
-    with pytest.raises(UsageError, match=r"here it is 0\.0\.1\+other"):
-        engine(cluster)
+    with pytest.raises(UsageError, match=r"here it is 0\.0\.1\+other"), engine(cluster):
+        pass

@@ -97,6 +97,9 @@ def test_a_scheduler_without_a_worker_is_an_error_with_the_command_that_starts_o
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as cluster:
-        with pytest.raises(DeviceError, match="has no worker after 1 s") as error:
-            engine(cluster.scheduler_address)
+        with (
+            pytest.raises(DeviceError, match="has no worker after 1 s") as error,
+            engine(cluster.scheduler_address),
+        ):
+            pass
         assert error.value.fix == f"dask worker {cluster.scheduler_address} --nthreads 1"

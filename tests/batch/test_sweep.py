@@ -30,7 +30,7 @@ def sweep(tmp_path: Path):
 
 
 def test_a_grid_flies_every_combination_with_a_seed_of_its_own(sweep) -> None:
-    devices = [f.device for f in flights(read_sweep(sweep(GRID)))]
+    devices = [device for device, _ in flights(read_sweep(sweep(GRID)))]
     start = "mock:?speed=max&spread=0.05"
     assert devices == [
         f"{start}&seed=0&noise=1&hide=friction.coulomb.yaw:0",
@@ -42,12 +42,12 @@ def test_a_grid_flies_every_combination_with_a_seed_of_its_own(sweep) -> None:
 
 def test_a_design_spreads_its_points_evenly(sweep) -> None:
     text = '[design]\npoints = 8\nbetween."hide.motor.lag" = [0.0, 0.8]\n'
-    values = sorted(f.values["hide.motor.lag"] for f in flights(read_sweep(sweep(text))))
+    values = sorted(varied["hide.motor.lag"] for _, varied in flights(read_sweep(sweep(text))))
     assert [int(v / 0.1) for v in values] == list(range(8))  # Sobol: one point in each eighth
 
 
 def test_a_seed_that_is_varied_is_kept(sweep) -> None:
-    devices = [f.device for f in flights(read_sweep(sweep("[vary]\nseed = [7, 9]\n")))]
+    devices = [device for device, _ in flights(read_sweep(sweep("[vary]\nseed = [7, 9]\n")))]
     assert devices == ["mock:?speed=max&seed=7", "mock:?speed=max&seed=9"]
 
 

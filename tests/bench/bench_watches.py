@@ -115,10 +115,9 @@ class Course:
 
 
 def flown(plan: Plan, url: str, profile: Profile, sink: Course) -> Outcome:
-    monitors = monitors_for(profile)
     return fly(
         open_driver(url, profile), profile, prepare(plan, profile, 1), sink,
-        monitors=monitors.each_period, awaits_fall=monitors.awaits_fall,
+        monitors=monitors_for(profile),
     )  # fmt: skip
 
 

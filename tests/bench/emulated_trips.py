@@ -21,6 +21,7 @@ from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench.simulated_trips import CLEAR, FALL_S, LAG_S, REST, SPREAD, Fall, Situation
+from tests.experiment.safety_monitors.periods import Judging
 from tests.experiment.safety_monitors.test_false_alarms import Nowhere
 
 LATEST_S = 4.0
@@ -66,7 +67,7 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
     with patch.object(ramp_down, "HOVER_BAND", band):
         flown = fly(
             rig, profile, signals, Nowhere(),
-            monitors=[lambda now: "tripped for the bench" if now.k >= ends else None],
+            monitors=[Judging(lambda now: "tripped for the bench" if now.k >= ends else None)],
         )  # fmt: skip
     for _ in range(round(FALL_S / dt)):
         rig.exchange(Command(0, 0.0, 0.0), 0.0)

@@ -43,7 +43,7 @@ def faulty(bad: dict[str, Any], ks: range) -> ScriptedRig:
 
 
 def monitored() -> dict[str, Any]:
-    return {"monitors": monitors_for(PROFILE).each_period}
+    return {"monitors": monitors_for(PROFILE)}
 
 
 @pytest.mark.parametrize("bad", FLOWN, ids=str)

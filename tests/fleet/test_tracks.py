@@ -10,12 +10,12 @@ import pytest
 
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.fleet.tracks import (
-    bad_recordings,
     main_plan,
     named_by_serial,
     quantities_of,
     read_rows,
     tracks_of,
+    usable_and_bad,
 )
 
 
@@ -61,10 +61,11 @@ def test_failed_recordings_are_bad_data_and_in_no_track() -> None:
         row("z", faults="clock.gaps;clock.jitter"),
         row("w", exit_code=None),
     ]
-    assert [b.reason for b in bad_recordings(rows)] == [
+    usable, bad = usable_and_bad(rows)
+    assert [b.reason for b in bad] == [
         "exit code 5: torn", "clock.gaps;clock.jitter", "no exit code",
     ]  # fmt: skip
-    (track,) = tracks_of(rows, quantities_of(rows))
+    (track,) = tracks_of(usable, quantities_of(usable))
     assert track.flights == ("x",)
 
 
@@ -74,9 +75,10 @@ def test_a_recording_that_appears_twice_counts_once() -> None:
         row("torn", digest="d1", exit_code=5.0, error="torn"), row("x", digest="d1"),
         row("copy", digest="d1"), row("y", digest="d2"), row("v"), row("w"),
     ]  # fmt: skip
-    (track,) = tracks_of(rows, ["g"])
+    usable, bad = usable_and_bad(rows)
+    (track,) = tracks_of(usable, ["g"])
     assert track.flights == ("v", "w", "x", "y")
-    assert [(b.recording, b.reason) for b in bad_recordings(rows)] == [
+    assert [(b.recording, b.reason) for b in bad] == [
         ("torn.mcap", "exit code 5: torn"), ("copy.mcap", "the same samples as x.mcap"),
     ]  # fmt: skip
 

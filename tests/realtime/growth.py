@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from heli3dof.experiment.control_loop.control_period import Monitor, Period
+from heli3dof.experiment.control_loop.control_period import Period
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
@@ -20,6 +20,7 @@ from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.provenance import provenance
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 from heli3dof.rig.session.open_exclusive import open_rig
+from tests.experiment.safety_monitors.periods import Judging
 from tests.profiles import END_S
 
 DEVICE = "mock:?speed=max&start=level"
@@ -35,7 +36,7 @@ def read_in_flight(
     held: Callable[[], float],
     *,
     begin: Callable[[], object] = lambda: None,
-    monitors: Sequence[Monitor] = (),
+    monitors: Sequence[Callable[[Period], object]] = (),
 ) -> tuple[list[float], Outcome]:
     """``held()`` at the rows ``at`` of a flight of ``rows``, and the flight's outcome.
 
@@ -61,7 +62,7 @@ def read_in_flight(
 
         outcome = fly(
             rig, profile, signals, file,
-            monitors=(*monitors_for(profile).each_period, *monitors, read),
+            monitors=(*monitors_for(profile), *map(Judging, (*monitors, read))),
         )  # fmt: skip
         file.outcome(outcome.ending, **outcome.details())
     return readings, outcome

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import NoSpace
-from heli3dof.experiment import fly
-from heli3dof.experiment.control_loop.control_period import Monitor, Period
-from heli3dof.experiment.safety_monitors import FlightMonitors, host_suspend, monitors_for
+from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.control_loop.loop import _Flight
+from heli3dof.experiment.safety_monitors import host_suspend
 from heli3dof.experiment.safety_monitors.amplifier_output import AmplifierOutput
 from heli3dof.model.control.controller import Controller
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
@@ -74,20 +74,15 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
 def stamp_reports(stamp: Stamp, put: Put = setattr) -> None:
     """Call ``stamp`` with "noticed" in the period in which a safety monitor reports."""
 
-    def stamping(monitor: Monitor) -> Monitor:
-        def judge(now: Period) -> str | None:
-            report = monitor(now)
-            if report is not None:
-                stamp("noticed")
-            return report
+    judge = _Flight.judge
 
-        return judge
+    def judged(self: _Flight, *period: Any) -> str | None:
+        report = judge(self, *period)
+        if report is not None:
+            stamp("noticed")
+        return report
 
-    def stamping_monitors(profile: Profile) -> FlightMonitors:
-        monitors = monitors_for(profile)
-        return replace(monitors, each_period=tuple(map(stamping, monitors.each_period)))
-
-    put(fly, "monitors_for", stamping_monitors)
+    put(_Flight, "judge", judged)
 
 
 def _controller(kind: str, on: Due) -> Callable[..., object]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 
 from heli3dof.batch.engines.base import Engine, Lost
 
@@ -11,8 +13,9 @@ SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 __all__ = ["SCHEDULER", "Engine", "Lost", "engine"]
 
 
-def engine(cluster: str | None = None, workers: int | None = None) -> Engine:
-    """Return the engine for a batch: a Dask cluster, or ``workers`` processes on this machine.
+@contextmanager
+def engine(cluster: str | None = None, workers: int | None = None) -> Iterator[Engine]:
+    """Context manager: yield a Dask cluster, or ``workers`` processes on this machine.
 
     ``cluster`` is the address of the cluster's scheduler. If both arguments are None, the
     environment variable ``DASK_SCHEDULER_ADDRESS`` gives the address. Without an address, the
@@ -23,7 +26,9 @@ def engine(cluster: str | None = None, workers: int | None = None) -> Engine:
     if address:
         from heli3dof.batch.engines.dask_cluster import DaskCluster
 
-        return DaskCluster(address)
+        with closing(DaskCluster(address)) as dask:
+            yield dask
+        return
     from heli3dof.batch.engines.processes import Processes
 
-    return Processes(workers)
+    yield Processes(workers)

@@ -11,7 +11,7 @@ import time
 import uuid
 from collections.abc import Callable, Generator, Iterable
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from heli3dof.batch.engines.base import AHEAD, Lost, R, T
 from heli3dof.batch.task import code_version
@@ -48,10 +48,7 @@ class DaskCluster:
         self._await_worker(ANSWER_S)
         self._check_code()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
+    def close(self) -> None:
         self._client.close()
 
     @property
@@ -180,8 +177,7 @@ def _version_of_worker() -> str:
 def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
     """Return ``work(item)``, computed with one thread in this worker.
 
-    ``version``: the `code_version` of the process that sent the work. Raises UsageError if this
-    worker runs another version.
+    Raises UsageError unless this worker runs the ``version`` of the process that sent the work.
     """
     if code_version() != version:  # a worker that joined later
         from distributed import get_worker

@@ -12,7 +12,6 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import Self
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -37,12 +36,6 @@ class Processes:
 
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or core_count()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        pass
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
         threads = max(1, core_count() // self.workers)

@@ -1,14 +1,13 @@
 """`Period`: data of one control period, from which safety monitors judge the flight.
 
-A *monitor* is a callable. The loop calls the monitor with every `Period`, before the command is
-sent. The monitor returns why the flight must end now, or None. A monitor may keep state from period
-to period, so each flight needs new monitors. A monitor runs inside the control period, so it may
-take only a few microseconds, and must not read or write files.
+The loop calls each monitor with every `Period`, before the command is sent. The monitor returns why
+the flight must end now, or None. A monitor may keep state from period to period, so each flight
+needs new monitors. A monitor runs inside the control period, so it may take only a few
+microseconds, and must not read or write files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import isfinite
 from typing import NamedTuple
 
@@ -61,7 +60,3 @@ def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, flo
     """
     front, back = sample.v_applied
     return (front if isfinite(front) else sent[0], back if isfinite(back) else sent[1])
-
-
-Monitor = Callable[[Period], str | None]
-"""Judges a period; returns why the flight must end now, or None."""

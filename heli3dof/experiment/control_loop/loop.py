@@ -16,7 +16,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.control_loop.control_period import Monitor, Period, motor_voltage
+from heli3dof.experiment.control_loop.control_period import Period, motor_voltage
 from heli3dof.experiment.control_loop.outcome import Ending, Outcome, Tally, link_counts
 from heli3dof.experiment.control_loop.ramp_down import (
     GuardedRecorder,
@@ -28,6 +28,7 @@ from heli3dof.experiment.control_loop.realtime_priority import Realtime, quiet_i
 from heli3dof.experiment.control_loop.rig_exchange import RigExchange
 from heli3dof.experiment.control_loop.stop_reasons import STOPPED
 from heli3dof.experiment.plan import Signals
+from heli3dof.experiment.safety_monitors import SafetyMonitor
 from heli3dof.model.control.controller import Controller
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
@@ -83,8 +84,7 @@ def fly(
     stop: Callable[[], str | None] = lambda: None,
     stop_without_ramp: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
-    monitors: Sequence[Monitor] = (),
-    awaits_fall: Callable[[], bool] = lambda: False,
+    monitors: Sequence[SafetyMonitor] = (),
 ) -> Outcome:
     """Fly the rendered plan in closed loop, ramp the motors to zero, and return the outcome.
 
@@ -100,11 +100,8 @@ def fly(
             None. Called in every period of the ramp.
         live: receives the progress.
         monitors: safety monitors; they judge the periods in which ``stop`` is called.
-        awaits_fall: returns True if the arm must fall at zero volts, but the roll count does not
-            change: the encoder may be dead. Called after the ramp of a completed plan. While it
-            returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
     """
-    flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
+    flight = _Flight(rig, profile, signals, sink, stop, stop_without_ramp, live or Live(), monitors)
     with ExitStack() as undo:
         if rig.identity.timebase == "virtual":
             quiet_interpreter(undo)
@@ -112,7 +109,7 @@ def fly(
         else:
             granted = undo.enter_context(realtime())
         end, sample = flight.fly_plan()
-        end, ramp = flight.ramp_down(end, sample, stop_without_ramp, awaits_fall)
+        end, ramp = flight.ramp_down(end, sample)
         return flight.outcome(end, ramp, granted)
 
 
@@ -129,11 +126,15 @@ class _Flight:
         signals: Signals,
         sink: RowSink,
         stop: Callable[[], str | None],
+        stop_without_ramp: Callable[[], str | None],
         live: Live,
-        monitors: Sequence[Monitor],
+        monitors: Sequence[SafetyMonitor],
     ) -> None:
         self.rig, self.profile, self.sink = rig, profile, sink
         self.stop, self.live, self.monitors = stop, live, tuple(monitors)
+        self.reasons_against_ramp = (
+            stop_without_ramp, *(monitor.stop_without_ramp for monitor in monitors),
+        )  # fmt: skip
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
         self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
@@ -167,7 +168,7 @@ class _Flight:
                 sample, end = self.period(k, sample)
                 if end is not None:
                     return end, sample
-                k += 1 + self.exchange.skipped
+                k += 1 + self.exchange.time.skipped
                 live.done = k
             # No period of the plan judges a gap of samples that reaches beyond the plan's end.
             if (report := self.judge_ramp(sample, self.exchange.sent)) is not None:
@@ -178,17 +179,10 @@ class _Flight:
             return _End("error", f"{type(problem).__name__}: {problem}", problem), sample
         return COMPLETED, sample
 
-    def ramp_down(
-        self,
-        end: _End,
-        sample: Sample | None,
-        stop_without_ramp: Callable[[], str | None],
-        awaits_fall: Callable[[], bool],
-    ) -> tuple[_End, RampDown]:
+    def ramp_down(self, end: _End, sample: Sample | None) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. ``sample``: None if the device does not answer. `fly` explains
-        the callbacks ``stop_without_ramp`` and ``awaits_fall``.
+        ``end``: how the plan ended. ``sample``: None if the device does not answer.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits
@@ -199,14 +193,14 @@ class _Flight:
             supervision = Supervision(
                 monitor=self.judge_ramp,
                 reason_to_shorten=lambda: self.stop() or recorder.problem,
-                awaits_fall=awaits_fall,
+                awaits_fall=lambda: any(monitor.awaits_fall() for monitor in self.monitors),
                 shortened_steps=steps,
             )
             steps = self.steps(limits.landing_s)
         known = int(sample.flags) if sample is not None and end.ending == "tripped" else 0
         ramp = ramp_to_zero(
             self.exchange, sample, steps, self.profile.motor, self.ramp_recorder(recorder),
-            stop_without_ramp, known=known, supervision=supervision,
+            self.stop_without_ramp, known=known, supervision=supervision,
         )  # fmt: skip
         if completed and recorder.failure is not None and not ramp.stopped and not ramp.tripped:
             return _End("error", recorder.problem or "", recorder.failure), ramp
@@ -243,12 +237,12 @@ class _Flight:
         Returns the next sample and None. If the flight ends in this period, returns ``sample``
         and how it ended.
         """
-        exchange, live = self.exchange, self.live
+        exchange, time, live = self.exchange, self.exchange.time, self.live
         if exchange.unreadable is not None:
             return sample, _End("tripped", exchange.unreadable)
         angle = self.angle(sample)
-        if exchange.skipped:
-            self.bridge(k, exchange.skipped, angle)
+        if time.skipped:
+            self.bridge(k, time.skipped, angle)
         self.before = angle
         reference, extra, command, voltage = self.control(k, angle)
         t = sample.device_time_s - self.t0
@@ -256,7 +250,7 @@ class _Flight:
         end = self.reason_to_end(k, t, sample, angle, command, voltage)
         if end is not None:
             return sample, end
-        lateness = exchange.lateness
+        lateness = time.lateness
         after = exchange.exchange(sample, voltage)
         self.sink.append(
             Row(
@@ -267,7 +261,7 @@ class _Flight:
         self.flown += 1
         live.angle, live.reference, live.voltage = angle, reference, voltage
         live.late, live.lost = self.tally.late, self.tally.lost
-        live.lateness, live.worst_lateness = exchange.lateness, self.tally.worst
+        live.lateness, live.worst_lateness = time.lateness, self.tally.worst
         return after, None
 
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
@@ -297,11 +291,7 @@ class _Flight:
     def reason_to_end(
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
-        """Return why the flight ends in period ``k``, or None.
-
-        Checks, in this order, a request to stop, the device's flags and the safety monitors
-        together, and the envelope (the profile's limits).
-        """
+        """Return why the flight ends in period ``k``, or None."""
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
         rates = self.controller.rates
@@ -321,10 +311,10 @@ class _Flight:
         """Return the first report of a safety monitor on the period with index k, or None."""
         if not self.monitors:
             return None
-        exchange = self.exchange
+        exchange, time = self.exchange, self.exchange.time
         now = Period(
             k, t, sample, angle, self.controller.rates, command, voltage, exchange.sent,
-            exchange.sequence, exchange.lateness, exchange.skipped, exchange.device_skipped,
+            exchange.sequence, time.lateness, time.skipped, time.device_skipped,
             exchange.echo.last_s, ramping_down,
         )  # fmt: skip
         for monitor in self.monitors:
@@ -333,13 +323,14 @@ class _Flight:
         return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return the first report of a safety monitor on ``sample`` in the ramp to zero, or None.
-
-        ``voltage``: the voltages (front, back) in V that the loop sent before this sample.
-        """
+        """As `judge`, in the ramp to zero; ``voltage``: that sent before this ``sample`` (V)."""
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)
+
+    def stop_without_ramp(self) -> str | None:
+        """Return why to stop the device at once: a request, or a monitor's report; or None."""
+        return next(filter(None, (reason() for reason in self.reasons_against_ramp)), None)
 
     def steps(self, seconds: float) -> int:
         return max(1, round(seconds / self.profile.dt))

@@ -13,6 +13,7 @@ from heli3dof.rig.trip import Trip
 if TYPE_CHECKING:
     from heli3dof.experiment.control_loop.echo_latency import EchoLatency
     from heli3dof.experiment.control_loop.realtime_priority import Realtime
+    from heli3dof.experiment.control_loop.timekeeping import VirtualDeadlines
 
 Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
@@ -21,8 +22,7 @@ Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 class Punctuality:
     """Quantiles in s of the samples' lateness and of the computing time, over one flight.
 
-    Lateness: time from a sample's deadline to its arrival. Computing time: from a sample's arrival
-    to sending the command computed from it.
+    Lateness: time from a sample's deadline to its arrival.
     """
 
     median_s: float
@@ -131,22 +131,15 @@ class Tally:
         """Return the largest delay of a sample after its deadline, in s."""
         return self.lateness.worst_s
 
-    def count(
-        self, lateness: float, turnaround: float, missed: int, lost: int, device_skipped: int
-    ) -> None:
-        """Add one control period to the counts.
-
-        ``lateness``: delay of the period's sample after the deadline (s); ``turnaround``: computing
-        time (s). ``missed``, ``lost``, ``device_skipped``: numbers of periods skipped before this
-        period by the host, the connection and the device.
-        """
-        if lateness > LATE_S:
+    def count(self, time: VirtualDeadlines, turnaround: float) -> None:
+        """Add a control period: lateness and skipped periods in ``time``, computing time (s)."""
+        if time.lateness > LATE_S:
             self.late += 1
-        self.missed += missed
-        self.lost += lost
-        self.lateness.add(lateness)
+        self.missed += time.missed
+        self.lost += time.lost
+        self.device_skipped += time.device_skipped
+        self.lateness.add(time.lateness)
         self.turnaround.add(turnaround)
-        self.device_skipped += device_skipped
 
     def punctuality(self) -> Punctuality | None:
         """Return quantiles of lateness and computing time in s; None if no period was counted."""

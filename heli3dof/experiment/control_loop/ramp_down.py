@@ -95,12 +95,7 @@ class RampDown:
 
 
 def ramp_start(last: Pair, motor: Motor) -> Pair:
-    """Return the voltages (front, back) in V at which the ramp to zero starts.
-
-    ``last``: the last voltages sent (V). The ramp starts at these voltages if both differ from the
-    hover voltage V_o by at most `HOVER_BAND` · max(|V_o|, v_max/8), else at zero. v_max is the
-    amplifier's limit.
-    """
+    """Return V_start of the module's docstring (front, back); ``last``: V_last (both in V)."""
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
     return last if hovers else (0.0, 0.0)
@@ -185,9 +180,9 @@ def ramp_to_zero(
                     hurried = True
                     ramp.shorten(supervision.shortened_steps)
             voltage = ramp.advance(1 + skipped)
-            before, lateness = sample, exchange.lateness
+            before, lateness = sample, exchange.time.lateness
             sample = exchange.exchange(before, voltage)
-            skipped = exchange.skipped
+            skipped = exchange.time.skipped
             flags |= int(sample.flags)
             record(before, voltage, lateness, sample)
             if supervision is not None:
@@ -214,22 +209,16 @@ def ramp_to_zero(
 
 
 def _is_zero(sample: Sample, motor: Motor) -> bool:
-    """Return True if no output voltage in ``sample`` exceeds `ZERO` · ``motor.hover_V``.
-
-    An output voltage that the device does not report counts as zero.
-    """
+    """Return True if no output exceeds `ZERO` · V_h; one that is not reported counts as zero."""
     volts = motor_voltage(sample, (0.0, 0.0))
     return max(map(abs, volts)) <= ZERO * motor.hover_V
 
 
 class GuardedRecorder:
-    """Passes rows to a recorder. After the recorder's first exception it ignores further rows.
-
-    So the recorder's failure does not interrupt the ramp to zero.
-    """
+    """Passes rows to a recorder until its first exception, which must not interrupt the ramp."""
 
     def __init__(self, append: Callable[[Row], None]) -> None:
-        self._append: Callable[[Row], None] | None = append
+        self._append = append
         self.failure: Exception | None = None
         """The recorder's exception"""
 
@@ -239,8 +228,8 @@ class GuardedRecorder:
         return None if self.failure is None else f"{type(self.failure).__name__}: {self.failure}"
 
     def __call__(self, row: Row) -> None:
-        if self._append is not None:
+        if self.failure is None:
             try:
                 self._append(row)
             except Exception as problem:
-                self._append, self.failure = None, problem
+                self.failure = problem

@@ -63,7 +63,6 @@ class Realtime:
 
     @property
     def refused(self) -> tuple[Check, ...]:
-        """Return the checks of those real-time settings that the system refused."""
         return tuple(check for check in self.checks if check.good is False)
 
     def to_dict(self) -> dict[str, Any]:

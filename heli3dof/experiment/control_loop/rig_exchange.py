@@ -21,19 +21,14 @@ class RigExchange:
         self._rig = rig
         self.dt = dt
         """s, the control period"""
-        self._time = timekeeper(rig, dt)
+        self.time = timekeeper(rig, dt)
+        """Lateness of the last sample, and the periods skipped before it"""
         self._tally = tally
         self.echo = EchoMeter(dt, clocked=rig.identity.timebase != "virtual")
         self.sequence = 0
         """Sequence number of the last command"""
         self.sent = (0.0, 0.0)
         """V (front, back) of the last command"""
-        self.lateness = 0.0
-        """s by which the last sample came after its deadline"""
-        self.skipped = 0
-        """Periods skipped before the last sample: by the host, the line or the device"""
-        self.device_skipped = 0
-        """How many of the ``skipped`` periods have no sample because the device made none"""
         self._longest_s = 0.0
         """Longest time from sending a command to the return of a sample, in s"""
         self.unreadable: Trip | None = None
@@ -43,7 +38,7 @@ class RigExchange:
         """Arm the rig and return the first sample of the flight."""
         sample = self._rig.arm()
         check_sample(sample)
-        self._time.start(sample)
+        self.time.start(sample)
         return sample
 
     def exchange(self, measured: Sample, voltage: tuple[float, float]) -> Sample:
@@ -52,10 +47,9 @@ class RigExchange:
         If a field of the next sample is not a valid number, the method sets `unreadable`, and
         returns ``measured`` with the next period's time.
         """
-        time = self._time
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
         self.sent = voltage
-        due = time.next()
+        due = self.time.next()
         command = Command(self.sequence, voltage[0], voltage[1])
         sent_s = monotonic()
         sample = self._rig.exchange(command, due)
@@ -65,13 +59,9 @@ class RigExchange:
             sample = replace(
                 measured, device_time_s=measured.device_time_s + self.dt, host_time_s=monotonic()
             )
-        time.arrived(sample, sent_s)
+        self.time.arrived(sample, sent_s)
         self.echo.exchanged(self.sequence, sent_s, sample)
-        self.lateness = time.lateness
-        missed, lost, self.device_skipped = time.missed, time.lost, time.device_skipped
-        self.skipped = missed + lost + self.device_skipped
-        turnaround = sent_s - measured.host_time_s
-        self._tally.count(time.lateness, turnaround, missed, lost, self.device_skipped)
+        self._tally.count(self.time, sent_s - measured.host_time_s)
         return sample
 
     def explain(self, flags: int) -> Trip | None:

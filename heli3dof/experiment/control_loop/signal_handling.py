@@ -65,10 +65,9 @@ class StopSignals:
 
 @contextmanager
 def stop_signals() -> Iterator[StopSignals]:
-    """Context manager: catch the signals of `SIGNALS` in its block.
+    """Context manager: catch the signals of `SIGNALS` in its block; none outside the main thread.
 
-    Python handles signals only in the main thread, so elsewhere this function catches none. A
-    signal that was ignored when the program started (SIGHUP under nohup) stays ignored. At the
+    A signal that was ignored when the program started (SIGHUP under nohup) stays ignored. At the
     block's end, the function restores the previous handlers. If a signal has come, it does not
     restore `interrupt`, but ignores further signals.
     """

@@ -63,6 +63,11 @@ class VirtualDeadlines:
         self.device_skipped = 0
         """Periods skipped before the last sample because the device made no samples for them"""
 
+    @property
+    def skipped(self) -> int:
+        """Return how many periods were skipped before the last sample, for any reason."""
+        return self.missed + self.lost + self.device_skipped
+
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
 
@@ -124,11 +129,7 @@ class DeviceDeadlines(VirtualDeadlines):
 
 
 class CountedDeadlines(DeviceDeadlines):
-    """Deadlines for a rig whose link counts skipped samples by cause.
-
-    The causes: the line lost the sample, the device took none, or the sample arrived too late.
-    `DeviceDeadlines` estimates the skipped periods; this class reads the link's counters.
-    """
+    """Deadlines for a rig whose link counts skipped samples by cause, returned by ``skipped``."""
 
     def __init__(self, dt: float, skipped: Skipped) -> None:
         super().__init__(dt)
@@ -149,10 +150,7 @@ class CountedDeadlines(DeviceDeadlines):
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualDeadlines:
-    """Return the object that computes the deadlines for ``rig``, chosen by the rig's timebase.
-
-    ``dt`` is the control period in s.
-    """
+    """Return the deadlines for the timebase of ``rig``; ``dt``: control period in s."""
     if rig.identity.timebase == "host":
         return HostDeadlines(dt)
     if rig.identity.timebase == "virtual":

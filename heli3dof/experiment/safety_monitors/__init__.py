@@ -12,12 +12,10 @@ docs/reference/safety.md states how a flight ends after each report.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar
 
-from heli3dof.experiment.control_loop.control_period import Monitor, Period
+from heli3dof.experiment.control_loop.control_period import Period
 from heli3dof.plugins import modules_of
 from heli3dof.rig.profile import Profile
 
@@ -44,35 +42,20 @@ class SafetyMonitor(ABC):
         return False
 
 
-@dataclass(frozen=True)
-class FlightMonitors:
-    """The safety monitors of one flight, and the callbacks that they give the control loop."""
-
-    each_period: tuple[Monitor, ...]
-    stop_without_ramp: Callable[[], str | None]
-    awaits_fall: Callable[[], bool]
-
-
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
     """Return this package's subclasses of `SafetyMonitor`, in the order in which they judge."""
-    found = set()
-    for module in modules_of(__name__):
-        found |= {
-            value
-            for value in vars(module).values()
-            if isinstance(value, type)
-            and issubclass(value, SafetyMonitor)
-            and value.__module__ == module.__name__
-        }
+    found = {
+        value
+        for module in modules_of(__name__)
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and issubclass(value, SafetyMonitor)
+        and value.__module__ == module.__name__
+    }
     return tuple(sorted(found, key=lambda kind: (kind.order, kind.__name__)))
 
 
-def monitors_for(profile: Profile) -> FlightMonitors:
+def monitors_for(profile: Profile) -> tuple[SafetyMonitor, ...]:
     """Return new safety monitors for one flight; their limits are those of ``profile``."""
-    monitors = tuple(kind(profile) for kind in monitor_classes())
-    return FlightMonitors(
-        monitors,
-        lambda: next(filter(None, (monitor.stop_without_ramp() for monitor in monitors)), None),
-        lambda: any(monitor.awaits_fall() for monitor in monitors),
-    )
+    return tuple(kind(profile) for kind in monitor_classes())

@@ -264,11 +264,7 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update this axis' state by a sample taken while the arm is in the air.
-
-        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``,
-        ``angle``: the encoder's count, and its angle in rad.
-        """
+        """Update this axis' state by a sample taken while the arm is in the air, as in `settle`."""
         observer = self._observer
         observer.step(h, alpha, angle)
         self._peak -= self._peak * h / PEAK_S
@@ -304,11 +300,7 @@ class _Axis:
                 self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update the estimates of mean unmodelled acceleration b and of friction F.
-
-        ``h``: s since the last sample. The axis's motion observer gives the ``rate`` ω (rad/s) and
-        the ``unmodelled`` acceleration at this sample (rad/s²).
-        """
+        """Update b and F by the observer's ``rate`` ω (rad/s) and ``unmodelled`` acceleration."""
         self._bias_s += h
         over_s = self._bias_s if self._bias_s < BIAS_S else BIAS_S
         self._bias += (unmodelled - self._bias) * h / over_s

@@ -14,6 +14,7 @@ dry friction may hold this axis. `FrozenEncoder` judges roll in the ramp, becaus
 
 from __future__ import annotations
 
+from collections import deque
 from math import log
 
 from heli3dof.axes import AXES, PITCH, YAW
@@ -74,25 +75,18 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, t: float) -> None:
-        """Restart the observation of the axis; its encoder shows ``count`` at time ``t`` (s).
-
-        The standstill in progress is not counted, because its beginning is unknown.
-        """
+        """Restart the observation of the axis; its encoder shows ``count`` at time ``t`` (s)."""
         self._count, self.since = count, t
-        self._from_change = False
+        self._from_change = False  # the beginning of this standstill is unknown
         self._way = 0
-        self._range = [(count, count)] * PIECES
+        self._range = deque([(count, count)] * PIECES, maxlen=PIECES)
         self._piece_t = t
         self._calm_from = t + WINDOW_S
 
     def step(self, count: int, t: float, ramping_down: bool) -> None:
-        """Update the axis with its encoder's ``count`` at time ``t`` (s), with the arm in the air.
-
-        ``ramping_down``: True in the ramp to zero, whose standstills are not counted.
-        """
+        """Update the axis with its encoder's ``count`` at time ``t`` (s); the arm is in the air."""
         if t - self._piece_t > WINDOW_S / PIECES:
             self._piece_t = t
-            self._range.pop(0)
             self._range.append((count, count))
         if count == self._count:
             return
@@ -112,10 +106,9 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """Return in s how long a working encoder's count may stay constant.
+        """Return in s how long a working encoder's count may stay constant, at least `LEAST_S`.
 
-        This is the limit T of the module's docstring, but at least `LEAST_S`. The result is
-        infinite until the axis has moved to and fro often enough to estimate T.
+        It is infinite until the axis has moved to and fro often enough to estimate T.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")

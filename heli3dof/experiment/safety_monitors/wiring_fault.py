@@ -196,10 +196,7 @@ def wiring_fault(
 
 
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
-    """Return ``trip`` with a wiring fault as its cause if the motion before the trip shows one.
-
-    ``moments``: the last control periods before the trip.
-    """
+    """Return ``trip`` with a wiring fault as its cause if the ``moments`` before it show one."""
     fault = wiring_fault(moments, profile, trip.invalid_s) if trip.by_motion else None
     if fault is None:
         return trip
@@ -213,8 +210,7 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 def _last_free(t: np.ndarray, angle: np.ndarray, profile: Profile) -> int:
     """Return the number of rows until the last one in which the axes were free to move.
 
-    After these rows, pitch was at its stop, or the arm lay on the table. An arm that never left the
-    table counts as free: pitch and yaw may turn there.
+    An arm that never left the table counts as free: pitch and yaw may turn there.
     """
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
     end = int(beyond[0]) if len(beyond) else len(t)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -21,11 +21,10 @@ from heli3dof.toml_file import Finite, Key, Positive, Section
 
 @dataclass(frozen=True)
 class Clock:
-    """Number and length (s) of one segment's control periods, and a random generator."""
+    """Number ``n`` and length ``dt`` (s) of a segment's control periods, and a random generator."""
 
     n: int
     dt: float
-    """``n``: number of the segment's control periods; ``dt``: their length in s"""
     rng: np.random.Generator
 
     @property
@@ -47,11 +46,7 @@ class BaseSegment(Section):
     yaw_deg: Annotated[Finite | None, Key("yaw reference; if absent, unchanged", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
-        """Return the angle references (3,) in rad that this segment sets.
-
-        ``before``: references (3,) in rad at the end of the previous segment. They stay unless this
-        segment changes them.
-        """
+        """Return the references (3,) in rad that this segment sets; ``before``: those before it."""
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
@@ -119,36 +114,33 @@ class FreeSegment(BaseSegment):
     controller's voltages for this axis.
     """
 
+    axis: ClassVar[int]
+    """The axis whose loop opens: 0 roll, 1 pitch, 2 yaw"""
     learn_s: Annotated[
         Finite,
         Field(ge=0),
         Key("hover time whose mean voltage is stored; 0: use the last stored voltage", "s"),
     ] = 4.0
 
-    def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
-        """Return the modes (n, 3) of the control loops (`opened`); the loop of ``axis`` opens.
+    @property
+    def approach_s(self) -> float:
+        """Return the time in s in which the closed loop brings the axis to its initial state."""
+        raise NotImplementedError
 
-        ``axis``: 0 roll, 1 pitch, 2 yaw. Its mode is 1 in the first ``learn_s`` seconds, while its
-        mean voltages are measured. In the next ``approach_s`` seconds its mode is 0, and the closed
-        loop brings it to the initial state of its free motion. Then its mode is 2 (open).
-        """
-        mode = np.zeros((clock.n, 3), dtype=np.int8)
-        mode[clock.t < self.learn_s, axis] = LEARN
-        mode[clock.t >= self.learn_s + approach_s, axis] = OPEN
+    @property
+    def free_s(self) -> float:
+        """Return how long the loop is open, in s."""
+        return max(0.0, self.duration_s - self.learn_s - self.approach_s)
+
+    def opened(self, clock: Clock) -> np.ndarray:
+        mode = super().opened(clock)
+        mode[clock.t < self.learn_s, self.axis] = LEARN
+        mode[clock.t >= self.learn_s + self.approach_s, self.axis] = OPEN
         return mode
-
-    def free_s(self, approach_s: float) -> float:
-        """Return how long the loop is open, in s: from ``learn_s + approach_s`` to the end.
-
-        ``approach_s``: time in s in which the closed loop brings the axis to its initial state.
-        """
-        return max(0.0, self.duration_s - self.learn_s - approach_s)
 
 
 @cache
 def kinds() -> dict[str, type[BaseSegment]]:
     """Return the class of every kind of segment in this package, by its name in TOML."""
-    found: dict[str, type[BaseSegment]] = {}
-    for module in modules_of(__name__):
-        found[module.Segment.model_fields["kind"].default] = module.Segment
-    return found
+    classes = [module.Segment for module in modules_of(__name__)]
+    return {each.model_fields["kind"].default: each for each in classes}

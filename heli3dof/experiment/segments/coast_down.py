@@ -23,6 +23,7 @@ from heli3dof.toml_file import Finite, Key, Positive
 
 
 class Segment(FreeSegment):
+    axis = YAW
     kind: Literal["coast-down"] = "coast-down"
     rate_deg_per_s: Annotated[Finite, Key("yaw rate when the loop opens", "°/s")] = 18.0
     spin_s: Annotated[Positive, Key("time to come up to speed", "s")] = 6.0
@@ -33,9 +34,9 @@ class Segment(FreeSegment):
         reference[:, YAW] += np.radians(self.rate_deg_per_s) * turned
         return reference, extra
 
-    def opened(self, clock: Clock) -> np.ndarray:
-        return self.opened_after(clock, YAW, self.spin_s)
+    @property
+    def approach_s(self) -> float:
+        return self.spin_s
 
     def details(self) -> str:
-        free_s = self.free_s(self.spin_s)
-        return f"released at {self.rate_deg_per_s:g}°/s for {free_s:g} s"
+        return f"released at {self.rate_deg_per_s:g}°/s for {self.free_s:g} s"

@@ -24,6 +24,7 @@ from heli3dof.toml_file import Finite, Key, Positive
 
 
 class Segment(FreeSegment):
+    axis = ROLL
     kind: Literal["ring-down"] = "ring-down"
     displacement_deg: Annotated[
         Finite, Key("roll above its reference when the loop opens", "°")
@@ -36,9 +37,9 @@ class Segment(FreeSegment):
         reference[lifted, ROLL] += np.radians(self.displacement_deg)
         return reference, extra
 
-    def opened(self, clock: Clock) -> np.ndarray:
-        return self.opened_after(clock, ROLL, self.settle_s)
+    @property
+    def approach_s(self) -> float:
+        return self.settle_s
 
     def details(self) -> str:
-        free_s = self.free_s(self.settle_s)
-        return f"released at {self.displacement_deg:g}° for {free_s:g} s"
+        return f"released at {self.displacement_deg:g}° for {self.free_s:g} s"

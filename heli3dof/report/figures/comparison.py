@@ -86,7 +86,6 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
 
 
 def _subtitle(flight: FlightComparison, axis: str) -> str:
-    """Return a figure's subtitle: peaks if the closed loop was replayed, else prediction RMSE."""
     parts = []
     if flight.why is None:
         experiment = flight.experiment[axis].reported.peak_deg
@@ -96,8 +95,7 @@ def _subtitle(flight: FlightComparison, axis: str) -> str:
             parts.append(f"{m.name} {_replay_peak(flight, m, axis)}")
         return _list(parts)
     window = flight.constant_angles.window_s if flight.constant_angles else np.nan
-    errors = [(m.name, m.prediction) for m in flight.models]
-    for name, error in (*errors, ("constant angles", flight.constant_angles)):
+    for name, error in flight.predictions.items():
         if error is not None:
             value = error.over_window_deg[AXES.index(axis)]
             parts.append(f"{name} {fixed(value, 1, '°')}")

@@ -96,10 +96,7 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """Return the ends of the vertical axis: the range of the curves named in ``frame``.
-
-    Other curves widen this range, at most threefold. An empty ``frame`` means all curves.
-    """
+    """Return the ends of the vertical axis; ``frame``: as in `angle_figure`."""
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]
     low = min((float(y.min()) for y in framed), default=-1.0)
@@ -179,23 +176,11 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
     >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
     [0.45, 0.55]
     """
+    from scipy.optimize import isotonic_regression
+
     if not len(places):
         return places
-    # Blocks of adjacent labels, each centred on the mean of its labels' places.
-    blocks: list[list[float]] = []
-    for place in places:
-        blocks.append([float(place)])
-        while len(blocks) > 1 and _start(blocks[-1], gap) < _end(blocks[-2], gap) + gap:
-            last = blocks.pop()
-            blocks[-1] += last
-    return np.concatenate([_start(b, gap) + gap * np.arange(len(b), dtype=float) for b in blocks])
-
-
-def _start(block: list[float], gap: float) -> float:
-    """Return the height (0…1) of a block's lowest label; the block is centred on its mean."""
-    length = gap * (len(block) - 1)
-    return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
-
-
-def _end(block: list[float], gap: float) -> float:
-    return _start(block, gap) + gap * (len(block) - 1)
+    # Least squares: the heights less those of labels packed from 0 upwards may not fall.
+    packed = gap * np.arange(len(places), dtype=float)
+    above = isotonic_regression(places - packed).x
+    return np.asarray(packed + np.clip(above, 0.0, max(1.0 - packed[-1], 0.0)))

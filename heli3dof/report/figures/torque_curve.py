@@ -133,10 +133,7 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
 
 
 def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
-    """Return the data of the figure of ``residual``, a torque that ``fit`` does not explain.
-
-    The figure shows the residual torque over the variable on which it depends.
-    """
+    """Return the data of the figure of ``residual``, a torque that ``fit`` does not explain."""
     flight = linearised_run(fit)
     i = AXES.index(residual.axis)
     rows = flight.in_runs & np.isfinite(flight.torque[:, i])

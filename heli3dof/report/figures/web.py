@@ -163,11 +163,9 @@ def _bands(axes: Any) -> Iterable[dict[str, Any]]:
 def _spans(axes: Any) -> Iterable[dict[str, Any]]:
     """Yield each shaded interval of the horizontal (``axvspan``) or vertical axis (``axhspan``)."""
     for patch in axes.patches:
-        x, y, width, height = (
-            patch.get_x(), patch.get_y(), patch.get_width(), patch.get_height(),
-        )  # fmt: skip
-        over_x = (y, height) == (0, 1)
-        ends = (x, x + width) if over_x else (y, y + height)
+        x, y = patch.get_bbox().get_points().T
+        over_x = y.tolist() == [0, 1]
+        ends = x if over_x else y
         yield {"axis": "x" if over_x else "y", "ends": _numbers(ends)}
 
 
@@ -180,10 +178,7 @@ def variable_of(color: Any) -> str:
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Return sorted indices of the samples of a curve ``y`` that keep its shape.
-
-    Their number is the curve's length, or about ``most`` for a longer curve. The module's docstring
-    states which samples are kept.
+    """Return sorted indices of the samples of a curve ``y`` that keep its shape, about ``most``.
 
     >>> decimated(np.array([0.0, 0.0, 9.0, 0.0, 0.0, 0.0, -9.0, 0.0]), 4).tolist()
     [0, 2, 4, 6, 7]

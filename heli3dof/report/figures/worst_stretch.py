@@ -43,11 +43,7 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis with the largest ratio E_before / median(E_after).
-
-    E is the RMSE of predictions on one axis in one stretch of the held-out data, without (before)
-    and with (after) the causes; the median is over the stretches. None if all E are undefined.
-    """
+    """Return the stretch and axis with the largest ratio; None if all E are undefined."""
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )

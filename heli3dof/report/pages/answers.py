@@ -13,7 +13,7 @@ import re
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.prediction import ConstantAngles
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 from heli3dof.comparison.verdict import verdict
 from heli3dof.experiment.plan import load_plan, named_plans
@@ -118,10 +118,9 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis on which the model's RMSE is largest.
+    """Return the axis with the model's largest RMSE of the replay, or else of predictions.
 
-    The RMSE is that of the replay; without a replay, that of predictions. Without either, the
-    result is the first measured axis.
+    Without either, the result is the first measured axis.
     """
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
@@ -132,20 +131,15 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return one answer: which model predicts the first recording best, with a bar chart.
-
-    The list is empty if the first recording has no predictions.
-    """
+    """Return one answer: which model predicts the first recording best; [] without predictions."""
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:
         return []
-    predictions = {m.name: m.prediction for m in flight.models}
-    predictions[ConstantAngles.name] = flight.constant_angles
     groups = {
         axis: {
             name: float(p.over_window_deg[AXES.index(axis)])
-            for name, p in predictions.items()
+            for name, p in flight.predictions.items()
             if p is not None
         }
         for axis in flight.flown.axes
@@ -155,7 +149,7 @@ def _best(comparison: Comparison) -> list[Answer]:
     title = f"RMSE of predictions in {flight.recording.name}"
     if flight.constant_angles is not None:
         title += f", over {flight.constant_angles.window_s:g} s"
-    drawn = bars(groups, {**styles, ConstantAngles.name: SOFT}, title, alt)
+    drawn = bars(groups, {**styles, CONSTANT_ANGLES: SOFT}, title, alt)
     return [Answer("Which model predicts best?", " ".join(verdict(comparison)), drawn)]
 
 

@@ -27,11 +27,7 @@ from heli3dof.report.text.table import Grid
 
 
 def diagnosis_section(document: Document, p: FigureData = FigureData()) -> Section:
-    """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data.
-
-    Verdict, faults, the figure of predictions without and with the causes, and the table of causes
-    are visible without a click; a click opens the rest.
-    """
+    """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data."""
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]

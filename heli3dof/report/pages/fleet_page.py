@@ -43,7 +43,6 @@ def drawn_quantities(fleet: Fleet) -> list[FleetQuantity]:
 
 
 def _answers(fleet: Fleet) -> list[Answer]:
-    """Return the answers of the first screen: changes, differing rigs, what limits the results."""
     changes = [change_sentence(track, c) for track, c in fleet.changes()]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     rest = list(remark_sentences(fleet))

@@ -202,11 +202,7 @@ def _ending(r: Recording) -> list[str]:
 
 
 def _comparison(comparison: Comparison, *, paper: bool) -> Section:
-    """Return the section of a comparison: its verdict, one figure and the table of all models.
-
-    The figure shows the first recording, on the axis where the first model's error is largest. A
-    click opens the other figures. ``paper`` adds tables like the paper's Table II.
-    """
+    """Return the section of a comparison; ``paper`` adds tables like the paper's Table II."""
     blocks = [key(s) for s in verdict(comparison)]
     details = []
     for n, f in enumerate(comparison.flights):
@@ -250,10 +246,9 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return nested metadata as two flat dicts, one of short values, one of long values.
+    """Return nested metadata as two flat dicts, of short and of long values: dotted name → value.
 
-    The keys are dotted names, ``outer.inner``. ``profile`` and the outermost ``warnings`` are left
-    out.
+    ``profile`` and the outermost ``warnings`` are left out.
     """
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}

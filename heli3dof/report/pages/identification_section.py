@@ -16,11 +16,7 @@ from heli3dof.report.text.identification_tables import (
 
 
 def identification_section(found: Identification) -> Section:
-    """Return an identification as a section of an HTML report.
-
-    Warnings, Bode diagrams and fits are visible without a click. A click opens the rest: sentences,
-    tables, and the innovations of the longest held-out segment with their autocorrelation.
-    """
+    """Return an identification as a section of an HTML report."""
     blocks = [warning(w) for w in found.warnings]
     bode = bode_with_bands(found)
     if bode is not None:

@@ -39,11 +39,7 @@ MOST_POLES = 12
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
-    """Return HTML strings: tables of the models, poles and parameters, and Bode diagrams.
-
-    The closed-loop poles need the controller in ``profile``; without a controller they are left
-    out.
-    """
+    """Return HTML strings: tables of the models, poles and parameters, and Bode diagrams."""
     if not models:
         return []
     named = list(zip(labels(models), models, strict=True))
@@ -62,10 +58,7 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def linearised(model: Model) -> LinearModel | None:
-    """Return a linear model unchanged, or a grey-box model linearised about level hover.
-
-    The result is None for a model that cannot hover level, and for other kinds of models.
-    """
+    """Return a linear model, or a grey-box one linearised about level hover; None if impossible."""
     if isinstance(model, LinearModel):
         return model
     if not isinstance(model, GreyBoxModel):

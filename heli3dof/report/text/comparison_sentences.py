@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.result import FlightComparison, ModelComparison
 from heli3dof.report.text.number_format import fixed
 
 
 def comparison_text(flight: FlightComparison) -> str:
-    """Return sentences on the errors of each model with one recording.
-
-    With a replay, they state the peak of roll and the RMSE of replay and predictions; without one,
-    the RMSE of predictions only.
-    """
+    """Return sentences on the errors of each model with one recording."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:
@@ -69,10 +64,9 @@ def prediction_sentence(flight: FlightComparison) -> str:
     """Return a sentence with each model's RMSE of roll predictions; empty without predictions."""
     if flight.constant_angles is None:
         return ""
-    named = [(m.name, m.prediction) for m in flight.models]
     errors = [
         f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
-        for name, p in (*named, (ConstantAngles.name, flight.constant_angles))
+        for name, p in flight.predictions.items()
         if p is not None
     ]
     window = flight.constant_angles.window_s

@@ -12,14 +12,14 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
-from heli3dof.comparison.prediction import ConstantAngles
+from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import (
     Comparison,
     FlightComparison,
     ModelComparison,
     PredictionError,
 )
-from heli3dof.comparison.verdict import HORIZON_S, STILL, prediction_errors, replay_errors, verdict
+from heli3dof.comparison.verdict import HORIZON_S, prediction_errors, replay_errors, verdict
 from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.report.text.number_format import NONE, fixed, short
@@ -52,8 +52,7 @@ def step_name(step: StepMetrics) -> str:
 def metrics_table(flight: FlightComparison) -> Grid:
     """Return a table of step metrics: of the experiment, each model, and their differences.
 
-    The metrics are peak, overshoot, steady error, rise and settling time for one recording. The
-    last column is the RMSE of each model's closed-loop replay in degrees.
+    The last column is the RMSE of each model's closed-loop replay in degrees.
     """
     rows = []
     for i, axis in enumerate(AXES):
@@ -116,10 +115,8 @@ def prediction_table(flight: FlightComparison) -> Grid | None:
     window = flight.constant_angles.window_s
     rows = []
     for axis in flight.flown.axes:
-        for m in flight.models:
-            rows.append([axis, m.name, *_prediction_cells(m.prediction, axis, horizons)])
-        held = _prediction_cells(flight.constant_angles, axis, horizons)
-        rows.append([axis, ConstantAngles.name, *held])
+        for name, error in flight.predictions.items():
+            rows.append([axis, name, *_prediction_cells(error, axis, horizons)])
     heads = [f"{h:g} s ahead" for h in horizons]
     return Grid(
         f"Multi-step prediction, RMSE in degrees · {flight.recording.name}",
@@ -184,10 +181,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's label of ``model``, or None.
-
-    The hover model is ``hover``; the first identified model in ``models`` is ``identification``.
-    """
+    """Return the paper's label of ``model``, or None; only the first identified one has a label."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -244,7 +238,8 @@ def fit_table(comparison: Comparison) -> Grid:
         ahead = prediction_errors(part, horizon)
         again = replay_errors(part)
         name = part.flights[0].recording.name if len(part.flights) == 1 else "all"
-        for model in dict.fromkeys([*(m.name for f in part.flights for m in f.models), STILL]):
+        models = dict.fromkeys(m.name for f in part.flights for m in f.models)
+        for model in (*models, CONSTANT_ANGLES):
             errors = [*ahead.get(model, NO_ERRORS)]
             errors += [*again.get(model, NO_ERRORS)] if replayed else []
             rows.append([name, model, *(fixed(float(e)) for e in errors)])

@@ -140,14 +140,11 @@ def noisy_axes(document: Document) -> list[str]:
 
 
 def before_and_after(*gains: Document) -> str:
-    """Return a text with the held-out RMSE (°) by axis: before → after each change of the model.
-
-    ``gains``: each change's object in the JSON document; its ``holdout_rmse_deg`` has the RMSE.
-    """
+    """Return the held-out RMSE (°) by axis: before → after each change, from its JSON object."""
     stages = [gains[0]["holdout_rmse_deg"]["before"]]
     stages += [gain["holdout_rmse_deg"]["after"] for gain in gains]
     return ", ".join(
-        f"{axis} {' → '.join(fixed(number(rmse[axis]), 2, '°') for rmse in stages)}"
+        f"{axis} {' → '.join(fixed(rmse[axis], 2, '°') for rmse in stages)}"
         for axis in AXES
         if stages[0].get(axis) is not None
     )
@@ -180,29 +177,19 @@ def refit_explains(document: Document) -> bool:
 
 
 def changed_ratios(document: Document) -> list[Document]:
-    """Return the fitted ratios of parameters, such as K_f/J_roll, that differ from the profile's.
-
-    The difference exceeds two standard deviations of the fitted ratio.
-    """
+    """Return the ratios, such as K_f/J_roll, that differ from the profile's by more than 2 std."""
     ratios = document.get("ratios", ())
     return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
 
 def states_refit(document: Document) -> bool:
-    """Return True if the RMSE with refitted parameters is stated.
-
-    That is if the refit explains the error (`refit_explains`), or if the diagnosis found nothing
-    and the noise floor is unknown.
-    """
+    """Return True if the RMSE with refitted parameters is stated."""
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     return unknown or refit_explains(document)
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield a sentence on the changed ratios of two parameters, such as T_g/J_roll, if any.
-
-    A ratio is stated if it differs from the profile's by more than two standard deviations.
-    """
+    """Yield a sentence on `changed_ratios`, and one if they differ by a common factor, if any."""
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
         f"{ratio_unit(r['ratio'])} (profile: {significant(r['nominal'], r['std'])})"
@@ -238,8 +225,7 @@ def common_factor(document: Document) -> float | None:
 def gain(document: Document) -> Iterator[str]:
     """Yield a sentence with the RMSE of the profile, after the refit, and with the causes.
 
-    The RMSE of the profile is left out if the refit explains nothing. Without causes,
-    `unmodelled_effects` states the RMSE of a single unmodelled torque.
+    Without causes, `unmodelled_effects` states the RMSE of a single unmodelled torque.
     """
     refit = states_refit(document)
     causes = has_adopted_causes(document)
@@ -256,11 +242,7 @@ def gain(document: Document) -> Iterator[str]:
 
 
 def not_significantly_off(document: Document) -> list[Document]:
-    """Return the entries of ``document["calibration"]`` that may be outside the tolerance.
-
-    The parameter's estimate is outside the tolerance about the profile's value, but not
-    significantly: noise or a residual torque may be the reason.
-    """
+    """Return the calibration's entries that are outside the tolerance, but not significantly."""
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
@@ -298,12 +280,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield sentences on what limits the diagnosis.
-
-    The simulation error is the RMSE of predictions with the profile's numbers. The sentences name
-    the recordings that were not fitted, and the axes whose noise floor is more than `NOISE_EXCESS`
-    times this error. If no recording is long enough to measure this error, a sentence states that.
-    """
+    """Yield sentences on what limits the diagnosis: recordings, null simulations and noise."""
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -408,8 +385,6 @@ def _confounded(name: str, others: Sequence[str]) -> str:
 def turn_by_hand(scales: Sequence[str]) -> str:
     """Return an instruction to check the encoders' counts per revolution by hand.
 
-    ``scales``: effects such as ``encoder.scale.yaw``.
-
     >>> turn_by_hand(["encoder.scale.yaw"])[:35]
     'turn yaw by hand through a known an'
     """
@@ -421,11 +396,7 @@ def turn_by_hand(scales: Sequence[str]) -> str:
 
 
 def adopted(document: Document) -> bool:
-    """Return True if the diagnosis added at least one cause or unmodelled torque to the model.
-
-    The diagnosis also reports faults of a recording and wrong calibration values, but adds them to
-    no model.
-    """
+    """Return True if the diagnosis added at least one cause or unmodelled torque to the model."""
     return has_adopted_causes(document) or any(rest.get("term") for rest in document["leftover"])
 
 
@@ -497,10 +468,7 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 
 def _torque_term(rest: Document, where: str) -> str:
-    """Return sentences on an unmodelled torque: its term, and RMSE without and with it.
-
-    ``rest``: the torque's object in the JSON document; ``where``: the data of the RMSE, in words.
-    """
+    """Return sentences on an unmodelled torque, of which ``rest`` is the JSON object."""
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
     if not rest["formula"]:
         return f"The extended model contains it as a curve; no formula fits as well. {gain}"
@@ -525,7 +493,7 @@ def not_adopted(document: Document) -> Iterator[str]:
             reason = "held-out data contradict it" + (
                 ": is the hold-out from the same rig?" if document["holdout"] else ""
             )
-        change = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
+        change = f"ln L {fixed(low, 0)} … {fixed(high, 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {reason} ({change})."
     hidden = [str(x) for x in document["not_identifiable"] if x not in NEVER_SHOWN]
     scales = [x for x in hidden if x.startswith(SCALE_PREFIX)]
@@ -566,11 +534,7 @@ def model_deviations(document: Document) -> Iterator[str]:
 
 
 def _profile_update(document: Document) -> Iterator[str]:
-    """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile.
-
-    The command is worthwhile if the refit explains errors, or if a refitted value is beyond its
-    tolerance. The command also needs the file of the fitted model; without one, nothing is yielded.
-    """
+    """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile."""
     off = refit_explains(document) or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
     )

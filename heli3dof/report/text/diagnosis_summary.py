@@ -78,10 +78,7 @@ def simulation_error(document: Document) -> Iterator[str]:
 
 
 def causes(document: Document) -> Iterator[str]:
-    """Yield a line for each of the first `MOST_CAUSES` causes, with its size and confidence.
-
-    If a cause is confounded with other effects, the line names them.
-    """
+    """Yield a line for each of the first `MOST_CAUSES` causes, with its size and confidence."""
     for n, f in enumerate(_once_each(document)[:MOST_CAUSES], start=1):
         sizes = []
         for key, estimate in f["parameters"].items():

@@ -14,7 +14,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
-from heli3dof.report.text.diagnosis_sentences import Document, number
+from heli3dof.report.text.diagnosis_sentences import Document
 from heli3dof.report.text.number_format import NONE, fixed, significant
 from heli3dof.report.text.table import Grid
 
@@ -52,7 +52,7 @@ def simulation_error(document: Document) -> Grid:
     """Return a table by axis: RMSE of predictions with the rig profile's values, noise floor."""
     error = document["simulation_error"]
     rows = [
-        [axis, _degrees(error[axis]["rmse_deg"]), _degrees(error[axis]["noise_floor_deg"])]
+        [axis, fixed(error[axis]["rmse_deg"], 3), fixed(error[axis]["noise_floor_deg"], 3)]
         for axis in AXES
         if error[axis]["rmse_deg"] is not None
     ]
@@ -80,7 +80,7 @@ def findings(document: Document) -> Grid:
     """Return a table of the causes: parameter ± standard deviation, increase of log-likelihood."""
     rows = []
     for f in document["findings"]:
-        gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
+        gain = fixed(f["gain"]["holdout_log_likelihood"], 0)
         for key, estimate in f["parameters"].items() or [("", {"value": None, "std": None})]:
             parameter, unit = split_unit(key)
             size = words.size_and_std(key, estimate)
@@ -109,10 +109,10 @@ def gains(document: Document) -> Grid:
         if before.get(axis) is None:
             continue
         fall = gain.get("rmse_reduction_deg", {}).get(axis) or {}
-        reduction = fixed(number(fall.get("value")), 3, sign=True)
+        reduction = fixed(fall.get("value"), 3, sign=True)
         span = interval(fall.get("interval", (None, None)))
-        sides = (_degrees(side.get(axis)) for side in (before, after))
-        rows.append([axis, *sides, reduction, span, _degrees(floor.get(axis))])
+        sides = (fixed(side.get(axis), 3) for side in (before, after))
+        rows.append([axis, *sides, reduction, span, fixed(floor.get(axis), 3)])
     notes = [
         f"Measured on {words.measured_on(document)}. Before: the base simulation with its own "
         "parameters refitted; calibration alone is therefore not counted as a gain."
@@ -131,10 +131,8 @@ def interval(ends: Sequence[float | None], digits: int = 3) -> str:
     >>> interval((0.1, 0.25)), interval((None, None))
     ('0.100 … 0.250', '–')
     """
-    low, high = (number(x) for x in ends)
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return NONE
-    return f"{fixed(low, digits)} … {fixed(high, digits)}"
+    texts = [fixed(end, digits) for end in ends]
+    return NONE if NONE in texts else " … ".join(texts)
 
 
 def calibration(document: Document) -> Grid:
@@ -158,7 +156,3 @@ def calibration(document: Document) -> Grid:
         ["parameter", "nominal", "value", "±", "unit", "difference"],
         rows,
     )
-
-
-def _degrees(value: float | None) -> str:
-    return fixed(number(value), 3)

@@ -68,9 +68,8 @@ def rig_table(fleet: Fleet) -> Grid:
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
     """Return at most `MOST_COLUMNS` pairs (quantity, table column), in the order of `MAIN`.
 
-    For each column in `MAIN`, the quantity is the fleet's first one whose name matches the column's
-    pattern. A column without such a quantity is left out. If this leaves no column, each of the
-    fleet's first quantities gets a column with its own name.
+    A column gets the fleet's first quantity that matches it. If none matches any column, each of
+    the fleet's first quantities gets a column with its own name.
     """
     found = []
     for column in MAIN:

@@ -33,11 +33,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def identification_summary(found: Identification) -> list[str | Grid]:
-    """Return what `heli3dof identify` prints without --verbose.
-
-    The result is the fits, the residual tests, the parameters and three transfer functions: from
-    the voltages' sum to roll, and from their difference to pitch and yaw.
-    """
+    """Return what `heli3dof identify` prints without --verbose."""
     lines: list[str | Grid] = [_scores(found)]
     if found.residuals:
         passed = ", ".join(t.name for t in found.residuals if t.passed)
@@ -169,7 +165,7 @@ def poles_table(found: Identification) -> Grid:
         std = f"{pole.std_real:.2g}" + (f", {pole.std_imag:.2g}j" if pair else "")
         rows.append([value.replace("-", "−"), std if known else NONE])
     heads = ["pole, 1/s", "standard deviation"]
-    return Grid("Poles, continuous time", heads, rows, notes=[], text_columns=0)
+    return Grid("Poles, continuous time", heads, rows, text_columns=0)
 
 
 def fits_table(found: Identification) -> Grid:
@@ -227,7 +223,6 @@ def candidates_table(found: Identification) -> Grid:
         "Candidate orders and sampling intervals, on the training recordings",
         ["order", "interval ms", "score %", "log likelihood", "problem"],
         rows,
-        notes=[],
         text_columns=0,
         prose_columns=1,
     )

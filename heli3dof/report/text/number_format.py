@@ -11,13 +11,13 @@ NONE = "–"
 MINUS = "−"
 
 
-def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) -> str:
-    """Format a number with ``digits`` decimals, a true minus sign, and a dash for NaN.
+def fixed(value: float | None, digits: int = 2, unit: str = "", *, sign: bool = False) -> str:
+    """Format a number with ``digits`` decimals, a true minus sign, and a dash for NaN or None.
 
     >>> fixed(-0.001, sign=True), fixed(-1.5, 1, "°"), fixed(2.0, 1, sign=True), fixed(np.nan)
     ('0.00', '−1.5°', '+2.0', '–')
     """
-    if not np.isfinite(value):
+    if value is None or not np.isfinite(value):
         return NONE
     rounded = round(value, digits) + 0.0
     text = f"{rounded:{'+' if sign and rounded else ''}.{digits}f}"

@@ -106,8 +106,7 @@ class _FittingTable:
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
         """Return the widths of ``columns`` in characters, together at most ``width`` if possible.
 
-        Each column gets its least width. The remaining characters widen the columns from left to
-        right, each at most to its longest line.
+        What the least widths leave widens the columns from left to right, to their longest lines.
         """
         from rich.cells import cell_len
 

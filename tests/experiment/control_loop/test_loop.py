@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.trip import Trip
+from tests.experiment.safety_monitors.periods import Judging
 
 PROFILE = default_profile()
 DT = PROFILE.dt
@@ -68,11 +69,13 @@ class ScriptedRig:
 
 
 def flown(
-    rig: ScriptedRig, *, profile: Profile = PROFILE, periods: int = 100, **keys: object
-) -> tuple[Outcome, MemoryRecorder]:
+    rig: ScriptedRig, *, profile: Profile = PROFILE, periods: int = 100,
+    monitors: Iterable[Callable[[Period], object]] = (), **keys: object,
+) -> tuple[Outcome, MemoryRecorder]:  # fmt: skip
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=periods * profile.dt)
     sink = MemoryRecorder()
-    outcome = fly(rig, profile, plan.render(profile.dt, 0), sink, **keys)
+    signals, judges = plan.render(profile.dt, 0), [Judging(m) for m in monitors]
+    outcome = fly(rig, profile, signals, sink, monitors=judges, **keys)
     return outcome, sink
 
 

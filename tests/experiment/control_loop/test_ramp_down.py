@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,7 @@ from tests.experiment.control_loop.test_loop import (
     ends_at_zero,
     flown,
 )
+from tests.experiment.safety_monitors.periods import Judging
 
 MOTOR = PROFILE.motor
 V_O = MOTOR.V_o
@@ -78,13 +80,14 @@ def test_a_rig_20_percent_off_its_profile_hovers_inside_the_band() -> None:
 
 
 def saturated(
-    rig: ScriptedRig, extra: tuple[float, float], since: int = 40, **keys: object
-) -> tuple[Outcome, list[Row]]:
+    rig: ScriptedRig, extra: tuple[float, float], since: int = 40,
+    monitors: Iterable[Callable[[Period], object]] = (), **keys: object,
+) -> tuple[Outcome, list[Row]]:  # fmt: skip
     """A flight of 100 periods whose plan adds these volts from ``since`` on, and its ramp."""
     signals = step_plan((0.0, None, None), settle_s=0, duration_s=100 * DT).render(DT, 0)
     signals.extra[since:] = extra
     sink = MemoryRecorder()
-    outcome = fly(rig, STEEP, signals, sink, **keys)
+    outcome = fly(rig, STEEP, signals, sink, monitors=[Judging(m) for m in monitors], **keys)
     return outcome, [row for row in sink.rows if row.phase == RAMP_DOWN]
 
 

@@ -23,7 +23,7 @@ def hover(seconds: float, seed: int, options: str = "") -> Outcome:
     url = f"mock:?speed=max&start=level&seed={seed}&noise={noise:g}{options}"
     rig = open_driver(url, profile)
     signals = prepare(plan, profile, seed)
-    return fly(rig, profile, signals, Nowhere(), monitors=monitors_for(profile).each_period)
+    return fly(rig, profile, signals, Nowhere(), monitors=monitors_for(profile))
 
 
 def patient(profile: Profile) -> Profile:

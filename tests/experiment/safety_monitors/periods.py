@@ -1,11 +1,13 @@
-"""Control periods of level hover, with changed fields."""
+"""Control periods of level hover, with changed fields; safety monitors made of functions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors import SafetyMonitor
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import default_profile
 
@@ -27,3 +29,13 @@ def period(k: int, *, counts: tuple[int, int, int] = (LEVEL, 0, 0), **changed: A
         k, k * DT, replace(sample, **of_sample), angle, (0.0, 0.0, 0.0), v, v, v, k, 0.0, 0
     )  # type: ignore[arg-type]
     return now._replace(**changed)
+
+
+class Judging(SafetyMonitor):
+    """A safety monitor that judges by a function of the period."""
+
+    def __init__(self, judge: Callable[[Period], object]) -> None:
+        self._judge = judge
+
+    def __call__(self, now: Period) -> Any:
+        return self._judge(now)

@@ -45,7 +45,7 @@ def flown(plan: str, rig: str, rate_hz: float = 500.0) -> Outcome:
     profile = profile_at(rate_hz=rate_hz).with_controller()
     open_one = open_driver("mock:?speed=max&" + RIGS[rig].format(seed=seed), profile)
     signals = prepare(load_plan(plan), profile, seed)
-    monitors = monitors_for(profile).each_period
+    monitors = monitors_for(profile)
     return fly(open_one, profile, signals, Nowhere(), monitors=monitors)
 
 
