@@ -92,9 +92,8 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
         error, floor = map(_finite_or_none, e.at(horizon_s, axis))
         return {"rmse_deg": error, "noise_floor_deg": floor, "horizon_s": horizon_s}
 
-    worst = [asdict(w) for w in e.worst if w.axis == axis]
-    for w in worst:
-        del w["axis"]
+    each = (asdict(w) for w in e.worst if w.axis == axis)
+    worst = [{k: v for k, v in w.items() if k != "axis"} for w in each]
     return {**at(HORIZON_S), "by_horizon": [at(h) for h in e.horizons_s], "worst": worst}
 
 

@@ -22,22 +22,19 @@ import numpy as np
 
 from heli3dof.diagnosis.constants import MAX_CAUSES, MAX_COMPARED
 from heli3dof.diagnosis.free_run.refits import (
-    STAGE_S,
     carried_over,
-    recording_indices,
+    least_squares,
+    parameter_of_unknown,
     refit,
     restructured,
+    without_effects,
 )
 from heli3dof.diagnosis.search.catalogue import Probe, candidates, probes
 from heli3dof.diagnosis.search.nulls import bonferroni
 from heli3dof.diagnosis.search.screening import one_sided
 from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.bias_correction.scans import MIN_INFORMATION_SHARE
-from heli3dof.identification.greybox.multistep import (
-    MultiStep,
-    MultiStepFit,
-    least_squares_problem,
-)
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.parallel import parallel_map
 
 CORRELATED = 0.5
@@ -46,17 +43,13 @@ CORRELATED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The score test of an effect at trial values of its parameters (``probe``)."""
+    """The score test of the effect ``name`` at trial values of its parameters."""
 
-    probe: Probe
+    name: str
     change: np.ndarray
     """(R,) d, the change of the residuals"""
     Z2: float
     """Z²; zero if the effect would have the wrong sign, such as a negative friction"""
-
-    @property
-    def name(self) -> str:
-        return self.probe.name
 
 
 def score_tests(fit: MultiStepFit) -> list[Candidate]:
@@ -70,7 +63,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
     present = [t.name for t in fit.structure.terms]
     terms = [t for t in candidates(present) if not t.effect.formal]
     tested = [q for t in terms for q in probes(t, V)]
-    r = _residuals(fit, p, fit.z)
+    r = least_squares(fit, p).residuals(fit.z)
     H = fit.information
     step = np.linalg.solve(H, fit.tangents @ r + p.prior @ (fit.z - p.start))
     q = r - step @ fit.tangents
@@ -80,10 +73,10 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
         d_own = project_out(d, fit.tangents, H)
         v = float(d @ d_own)
         if not v > MIN_INFORMATION_SHARE * float(d @ d):
-            return Candidate(tested[i], d, 0.0)
+            return Candidate(tested[i].name, d, 0.0)
         u = -float(d @ q)
         wrong_sign = u < 0 and one_sided(tested[i])
-        return Candidate(tested[i], d, 0.0 if wrong_sign else u * u / v)
+        return Candidate(tested[i].name, d, 0.0 if wrong_sign else u * u / v)
 
     best: dict[str, Candidate] = {}
     for c in parallel_map(one, len(tested), what="candidates"):
@@ -109,16 +102,10 @@ def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
 def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidate]) -> list[str]:
     """Return the tested effects that may replace the term ``name`` of the fit, best first."""
     p = fit.problem
-    own = np.zeros(p.dim, dtype=bool)
-    absent = fit.z.copy()
-    for j, f in enumerate(fit.structure.free):
-        if f.term == name:
-            at = [j, *(recording_indices(p, j) if f.name in p.varying else [])]
-            own[at] = True
-            absent[at] = f.scaled(f.low if f.log else f.null)
+    own = np.array([fit.structure.free[j].term == name for j in parameter_of_unknown(p)])
     D = fit.tangents[~own]
     H = D @ D.T + p.prior[np.ix_(~own, ~own)]
-    w = project_out((absent - fit.z)[own] @ fit.tangents[own], D, H)
+    w = project_out((without_effects(p) - fit.z)[own] @ fit.tangents[own], D, H)
 
     def share(c: Candidate) -> float:
         d = project_out(c.change, D, H)
@@ -136,8 +123,4 @@ def _with_probe(fit: MultiStepFit, probe: Probe) -> np.ndarray:
     z[p.n : new.n] = [
         f.scaled(value) for f, value in zip(new.structure.free[p.n :], probe.values, strict=True)
     ]
-    return _residuals(fit, new, z)
-
-
-def _residuals(fit: MultiStepFit, p: MultiStep, z: np.ndarray) -> np.ndarray:
-    return least_squares_problem(p, fit.noise, STAGE_S, fit.scale).residuals(z)
+    return least_squares(fit, new).residuals(z)

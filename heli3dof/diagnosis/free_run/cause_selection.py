@@ -39,7 +39,7 @@ by recording, χ² of its values is converted to a normal deviate u_h, and δ is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -55,7 +55,7 @@ from heli3dof.diagnosis.free_run.elimination import (
     correlated_terms,
     known_beforehand,
 )
-from heli3dof.diagnosis.free_run.refits import recording_indices, refit
+from heli3dof.diagnosis.free_run.refits import refit, unknowns_of
 from heli3dof.diagnosis.result import UndecidedTerms
 from heli3dof.distributions import chi2_sf, normal_isf
 from heli3dof.identification.greybox.freeflight import WEIGHT
@@ -70,8 +70,7 @@ MOSTLY_PRIOR = "the recordings hardly determine its size: its interval is mostly
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
     """Return the confidence level P at which a term's first parameter differs from its null value.
 
-    P is 2 Φ(|θ − θ_0|/σ) − 1 for the estimate θ ± σ and the null value θ_0. It is 1 if the
-    parameter has no null value or no σ.
+    P is 1 if the parameter has no null value or no σ.
     """
     distance = null_distance(fit, name)
     return 1.0 if distance is None else 2 * NORMAL.cdf(abs(distance.u)) - 1
@@ -91,10 +90,10 @@ def contradicted(result: Elimination, r: TermResult) -> str:
     """Return as text why the recordings do not confirm ``r`` as a cause; empty if they do."""
     if (d := null_distance(result.fit, r.term)) is not None and d.mostly_prior:
         return MOSTLY_PRIOR
-    halves = compare_halves(result.halves, r.term)
-    if halves is None:
+    known = [d for h in result.halves if (d := null_distance(h, r.term)) is not None]
+    if len(known) < 2:
         return ""
-    equal_size, significant = halves
+    equal_size, significant = compared(*known)
     if not equal_size:
         return "the two halves of the data give it different sizes"
     if significant or r.term in known_beforehand(result.fit.problem):
@@ -233,22 +232,10 @@ class NullDistance(NamedTuple):
     mostly_prior: bool = False
 
 
-def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
-    """Return (sizes are equal, sizes are significant) of a term in fits to two halves of the data.
-
-    The function returns None if ``halves`` does not contain two fits, or if the term has no
-    standard deviation in one of them.
-    """
-    known = [d for h in halves if (d := null_distance(h, name)) is not None]
-    return compared(*known) if len(known) == 2 else None
-
-
 def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
     """Return (sizes are equal, sizes are significant) of a term's estimates from two data halves.
 
-    Sizes are equal if they differ by at most `SIGMAS_997` σ, or if they vary by recording. They are
-    significant if both differ from the null value in the same direction, each with the one-sided
-    confidence `LEVEL`, and neither is mostly the prior.
+    The head of this file defines both. Sizes that vary by recording count as equal.
     """
     one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
     significant = one_sign and not (a.mostly_prior or b.mostly_prior)
@@ -261,8 +248,7 @@ def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
 def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
     """Return the distance of a term's first parameter from its null value, in standard deviations.
 
-    Null is the value without the effect. The result is None if the term has no parameter, or if the
-    fit gives no standard deviation.
+    The result is None if the term has no parameter, or if the fit gives no standard deviation.
     """
     j = first_parameters(fit.structure.free).get(name)
     if j is None:
@@ -272,16 +258,11 @@ def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
     if f.log:
         return NullDistance(math.inf, (z, std), mostly_prior)
     if f.name in fit.problem.varying:
-        return NullDistance(equivalent_deviation(*chi_squared(fit, j)), None)
+        at = unknowns_of(fit.problem, j)[1:]
+        d = fit.z[at] - f.scaled(f.null)
+        chi2 = float(d @ np.linalg.solve(fit.scaled_covariance[np.ix_(at, at)], d))
+        return NullDistance(equivalent_deviation(chi2, len(at)), None)
     return NullDistance((z - f.scaled(f.null)) / std, (z, std), mostly_prior) if std > 0 else None
-
-
-def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
-    """Return χ² of parameter j's values in n recordings about its null value, and n."""
-    at, f = recording_indices(fit.problem, j), fit.structure.free[j]
-    C = fit.scaled_covariance[np.ix_(at, at)]
-    d = fit.z[at] - f.scaled(f.null)
-    return float(d @ np.linalg.solve(C, d)), len(at)
 
 
 def equivalent_deviation(chi2: float, freedom: int) -> float:
@@ -289,5 +270,4 @@ def equivalent_deviation(chi2: float, freedom: int) -> float:
 
     ``freedom``: degrees of freedom of the χ² distribution.
     """
-
     return float(normal_isf(max(chi2_sf(chi2, freedom), 1e-300) / 2))

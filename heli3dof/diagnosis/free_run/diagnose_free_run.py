@@ -58,7 +58,7 @@ from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
 from heli3dof.diagnosis.validation.gain import Gain
-from heli3dof.diagnosis.validation.prediction import HORIZONS_S
+from heli3dof.diagnosis.validation.prediction import HORIZONS_S, mean_square
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.identification.closed_loop_fit.base_fit import BASES
 from heli3dof.identification.greybox.freeflight import (
@@ -70,7 +70,7 @@ from heli3dof.identification.greybox.multistep import MultiStepFit as Fit
 from heli3dof.identification.greybox.noise_check import likelihood_obstacle
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox.model import nominal
+from heli3dof.model.greybox.model import GreyBoxModel, nominal
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress
@@ -85,10 +85,6 @@ WHY_QUICK = METHOD + (
     "causes. There is no noise floor."
 )
 FITTING = "Fitting the full physical model to multi-step predictions …"
-EACH = "Refitting without each cause …"
-ON_BLOCKS = "blocks left out of the fit"
-
-
 PREDICTS_WORSE = (
     "The model fitted by likelihood predicts held-out data worse than the profile's numbers do. So "
     "the motion between samples is unlike the model's, for example because of vibration."
@@ -133,7 +129,6 @@ def diagnose_without_likelihood(
     whole, partial = _all_angles(train), [r for r in (*train, *held) if len(r.axes) < len(AXES)]
     flights = [r for r, _ in flights_to_fit(whole)]
     held_out = _all_angles(held)
-    tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
     progress(FITTING)
     full = fit_freeflight(whole, progress=lambda round_: progress(f"{FITTING} {round_}"))
     progress("Testing the other effects of the catalogue …")
@@ -145,51 +140,55 @@ def diagnose_without_likelihood(
     progress("Measuring the gain …")
     model = model_of(result.fit, whole, "extended")
     base_model = model_of(base_fit, whole, "base")
-    after, before = FreeRun.of(model, tested), FreeRun.of(base_model, tested)
     profile_model = nominal(whole[0].profile, simpler)
-    as_profile = FreeRun.of(profile_model, tested)
-    against = on
-    if not held_out and not quick:
-        against = ON_BLOCKS
-        after = cross_validated([model_of(f, whole, "") for f in result.halves], whole)
-        folds = folds_of(base_fit)
-        before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
-        as_profile = cross_validated([profile_model] * len(folds), whole)
+    tested = held_out or whole
+    if held_out or quick:
+        on = "holdout" if held_out else "the recordings themselves"
+        as_profile, before, after = (
+            FreeRun.of(m, tested) for m in (profile_model, base_model, model)
+        )
+    else:
+        on = "blocks left out of the fit"
+        base_halves = folds_of(base_fit)
+        before, after = (_on_blocks(fits, whole) for fits in (base_halves, result.halves))
+        as_profile = cross_validated([profile_model] * len(base_halves), whole)
+    over_3_s = {"before": before.window_rmse_deg(), "after": after.window_rmse_deg()}
     causes, only_kept = select_causes(result)
     causes = with_confounded_terms(result, causes, seed=seed, progress=progress)
-    if base == "hover" and result.first is not None:  # the linear model cancels the geometry
+    if base == "hover" and result.halves:  # the linear model cancels the geometry
         r = without_term(result.first, "", seed=seed, instead="base.hover")
         causes += [replace(r, term="geometry")] * r.increase.significant
         causes.sort(key=lambda r: -r.increase.value)
-    progress(EACH)
+    progress("Refitting without each cause …")
     pairs = _without_each(result, causes, whole, held_out)
-    gains = (free_run_gain(*pairs[r.term], against, seed) for r in causes)
-    findings = tuple(_finding(result, r, g) for r, g in zip(causes, gains, strict=True))
-    poor = not predicts_better(before, after)
-    adopted = base_fit if poor else result.fit
-    dropped = tuple(Dropped(f.term.name, f.gain) for f in findings) if poor else ()
-    unfitted = free_run_gain(as_profile, before, against, seed)
+    findings = tuple(_finding(result, r, free_run_gain(*pairs[r.term], on, seed)) for r in causes)
+    is_adopted = predicts_better(before, after)
+    if is_adopted:
+        adopted, dropped = result.fit, tuple[Dropped, ...]()
+        off = with_thrust_gain_ties(off_nominal(MeanTrimFit(adopted)))
+        of_base = {o.term.name for o in off}
+        findings = tuple(f for f in findings if f.term.name not in of_base)
+        open_ = open_terms(result, causes, only_kept)
+    else:
+        adopted, model, after = base_fit, base_model, before
+        dropped = tuple(Dropped(f.term.name, f.gain) for f in findings)
+        findings, off, open_ = (), (), None
     fitted = Fitted(
-        None, None, base_model if poor else model,
-        free_run_gain(before, before if poor else after, against, seed), None, None,
-        _profile_error(tested, simpler), unfitted,
-        base_parameters(MeanTrimFit(adopted)),
-        None if poor else open_terms(result, causes, only_kept),
+        None, None, model, free_run_gain(before, after, on, seed), None, None,
+        _profile_error(nominal(tested[0].profile, simpler), tested),
+        free_run_gain(as_profile, before, on, seed), base_parameters(MeanTrimFit(adopted)), open_,
     )  # fmt: skip
-    off = () if poor else with_thrust_gain_ties(off_nominal(MeanTrimFit(result.fit)))
-    of_base = {o.term.name for o in off}
-    findings = tuple(f for f in findings if not poor and f.term.name not in of_base)
     if quick:
         findings = tuple(marked_like(f) for f in findings)
     residual, slow_noise = split_off_slow_noise(residual_torques(adopted))
     about = {
         "method": "multi-step predictions of the full physical model, backward elimination",
         "why": (WHY_QUICK if quick else WHY).format(why),
-        "gain_measured_on": against,
-        "adopted": not poor,
+        "gain_measured_on": on,
+        "adopted": is_adopted,
         **({"causes_untested": True} if quick else {}),
         "not_fitted": [r.name for r in partial],
-        "over_3_s": {"before": before.window_rmse_deg(), "after": after.window_rmse_deg()},
+        "over_3_s": over_3_s,
         "without": {name: less.window_rmse_deg() for name, (less, _) in pairs.items()},
         "kept_within_what_is_known": kept_terms(result, only_kept),
         "explains": explanation_sentences(adopted, flights, {f.term.name for f in findings}),
@@ -214,29 +213,33 @@ def _without_each(
     the fit or, if no blocks were left out, the fitted recordings ``whole``.
     """
 
-    removal = {"geometry": ("", "base.hover")}
-    full = None if result.last is not None and not held else _predicted(result.fit, whole, held)
+    if held or not result.halves:
+        removal = {"geometry": ("", "base.hover")}
+        full = _predicted(result.fit, whole, held)
 
-    def one(i: int) -> tuple[FreeRun, FreeRun]:
-        r = causes[i]
-        if full is not None:
-            begun = result.fit if result.first is None else result.first.fit
-            less = refit(begun, *removal.get(r.term, (r.term,)))
+        def one(i: int) -> tuple[FreeRun, FreeRun]:
+            name = causes[i].term
+            less = refit(result.first.fit, *removal.get(name, (name,)))
             return _predicted(less, whole, held), full
-        assert result.last is not None
-        fits_with = r.fits_with or tuple(fit for fit, _ in result.last.folds)
-        fits_without = r.fits_without or [refit(f, r.term) for f in fits_with]
-        a, b = (
-            cross_validated([model_of(f, whole, "") for f in fits], whole)
-            for fits in (fits_without, fits_with)
-        )
-        return a, b
+
+    else:
+
+        def one(i: int) -> tuple[FreeRun, FreeRun]:
+            name = causes[i].term
+            fits = causes[i].fits or [(refit(fit, name), fit) for fit in result.last.folds]
+            without, with_term = zip(*fits, strict=True)
+            return _on_blocks(without, whole), _on_blocks(with_term, whole)
 
     return dict(zip([r.term for r in causes], parallel_map(one, len(causes)), strict=True))
 
 
 def _predicted(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) -> FreeRun:
     return FreeRun.of(model_of(fit, whole, ""), held or whole)
+
+
+def _on_blocks(fits: Sequence[Fit], whole: Sequence[Recording]) -> FreeRun:
+    """Return the errors on the blocks left out; ``fits``: one for each fold."""
+    return cross_validated([model_of(f, whole, "") for f in fits], whole)
 
 
 def _all_angles(recordings: Sequence[Recording]) -> list[Recording]:
@@ -252,15 +255,8 @@ def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
     return Finding(choice, values, gained, fit.noise)
 
 
-def _profile_error(recordings: Sequence[Recording], simpler: tuple[str, ...]) -> SimulationError:
-    """Return the base simulation's prediction errors with the profile's values.
-
-    ``simpler``: terms that turn the rigid body into the base simulation.
-    """
-    model = nominal(recordings[0].profile, simpler)
-    e = [
-        free_run_errors(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S]))
-        for r in recordings
-    ]
-    rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
-    return SimulationError(tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "", ())
+def _profile_error(model: GreyBoxModel, recordings: Sequence[Recording]) -> SimulationError:
+    """Return the prediction errors of the base simulation with the profile's values (``model``)."""
+    e = np.concatenate([free_run_errors(model, r, HORIZONS_S) for r in recordings])
+    rmse = np.degrees(np.sqrt(mean_square(e)))
+    return SimulationError(HORIZONS_S, rmse, np.full_like(rmse, np.nan), "", ())

@@ -46,10 +46,15 @@ from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacem
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     FitWithFolds,
-    recording_indices,
+    folds_of,
+    parameter_of_unknown,
     refit,
+    split_windows,
+    with_windows,
+    without_effects,
 )
 from heli3dof.diagnosis.validation.gain import DRAWS, Interval, interval
+from heli3dof.diagnosis.validation.prediction import with_blocks
 from heli3dof.identification.greybox.multistep import (
     FAR,
     WINDOW_S,
@@ -87,11 +92,15 @@ class TermResult:
     term: str
     increase: LossIncrease
     """Increase of the loss on held-out data"""
-    fits_without: tuple[MultiStepFit, ...] = ()
-    fits_with: tuple[MultiStepFit, ...] = ()
-    """By fold, without and with the term; empty if whole recordings were left out"""
+    fits: tuple[tuple[MultiStepFit, MultiStepFit], ...] = ()
+    """For each fold: (without, with) the term; empty if whole recordings were left out"""
     tied_with: tuple[str, ...] = ()
     """Effects confounded with the cause"""
+
+    @property
+    def training_cost(self) -> float:
+        """Return the increase of the cost Q on the training blocks; 0 if there are no ``fits``."""
+        return sum(less.cost - fit.cost for less, fit in self.fits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,15 +113,15 @@ class Elimination:
     """Terms that are needed or known beforehand, by falling Δ"""
     removed: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
-    first: FitWithFolds | None = None
-    last: FitWithFolds | None = None
-    """Fits with every term and after the last removal, with folds; None without cross-validation.
+    first: FitWithFolds
+    last: FitWithFolds
+    """Fits with every term and after the last removal; they have no folds without cross-validation.
     All refits share the error scales s at which ``first`` converged."""
 
     @property
-    def halves(self) -> tuple[MultiStepFit, ...]:
+    def halves(self) -> Sequence[MultiStepFit]:
         """Return fits with every term, each to the training blocks of one fold."""
-        return () if self.first is None else tuple(fit for fit, _ in self.first.folds)
+        return self.first.folds
 
 
 def eliminate(
@@ -121,31 +130,26 @@ def eliminate(
     """Return which terms of the fit ``full`` stay in a backward elimination (see the module)."""
     at_common_scale = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
     progress("Fitting each half of the blocks …")
-    first = current = FitWithFolds.of(at_common_scale)
+    first = current = FitWithFolds(at_common_scale, folds_of(at_common_scale))
     removed: list[TermResult] = []
     retained: dict[str, TermResult] = {}
     known = known_beforehand(full.problem)
     while True:
         untested = [t for t, _ in by_significance(current.fit) if t not in retained]
-        out = None
         for k, name in enumerate(untested, 1):
             progress(f"Without {name} ({k} of up to {len(untested)}) …")
             trial = without_term(current, name, seed=seed)
-            if (
-                not trial.increase.significant
-                and name not in known
-                and training_cost(current, trial) < SIGMAS_997**2
-            ):
-                out = name
+            is_needed = trial.increase.significant or name in known
+            if not is_needed and trial.training_cost < SIGMAS_997**2:
                 break
             retained[name] = trial
-        if out is None:
+        else:
             break
-        correlated = correlated_terms(current.fit, out)
+        correlated = correlated_terms(current.fit, name)
         retained = {k: v for k, v in retained.items() if k not in correlated}
-        removed.append(TermResult(out, trial.increase))
-        progress(f"Without {out} … refitting the others")
-        current = current.without_term(out, trial.fits_without)
+        removed.append(TermResult(name, trial.increase))
+        progress(f"Without {name} … refitting the others")
+        current = current.without_term(name, [less for less, _ in trial.fits])
     needed = [r for r in retained.values() if r.increase.significant or r.term in known]
     needed.sort(key=lambda r: -r.increase.value)
     removed += [r for r in retained.values() if r not in needed]
@@ -163,11 +167,10 @@ def without_elimination(full: MultiStepFit) -> Elimination:
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]
-    needed, removed = (
-        tuple(r for r in each if r.increase.significant is significant)
-        for significant in (True, False)
-    )
-    return Elimination(full, needed, removed)
+    needed = tuple(r for r in each if r.increase.significant)
+    removed = tuple(r for r in each if not r.increase.significant)
+    alone = FitWithFolds(full, ())
+    return Elimination(full, needed, removed, alone, alone)
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
@@ -175,17 +178,12 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
     θ_0 is the value without the effect, on a logarithmic scale the lower bound.
     """
-    p, C, out = full.problem, full.scaled_covariance, {}
-    for t in full.structure.terms:
-        z2 = 0.0
-        for j, f in enumerate(full.structure.free):
-            if f.term != t.name:
-                continue
-            null = f.scaled(f.low if f.log else f.null)
-            at = [j] if f.name not in p.varying else recording_indices(p, j)
-            z2 += sum(float((full.z[i] - null) ** 2 / C[i, i]) for i in at)
-        out[t.name] = z2
-    return sorted(out.items(), key=lambda kv: kv[1])
+    p = full.problem
+    u2 = (full.z - without_effects(p)) ** 2 / np.diag(full.scaled_covariance)
+    u2[p.own] = 0.0  # of parameters that vary by recording, only the recordings' values count
+    term = np.array([full.structure.free[j].term or "" for j in parameter_of_unknown(p)])
+    sums = {t.name: float(u2[term == t.name].sum()) for t in full.structure.terms}
+    return sorted(sums.items(), key=lambda kv: kv[1])
 
 
 def with_confounded_terms(
@@ -197,16 +195,15 @@ def with_confounded_terms(
 ) -> list[TermResult]:
     """Return the causes; the ``tied_with`` of each contains the effects that can replace it.
 
-    The test puts the effect in the cause's place and refits. The effect can replace the cause if
-    the held-out loss does not increase significantly. Without cross-validation, the cost Q must
-    increase by less than `SIGMAS_997`².
+    Without cross-validation, an effect can replace a cause if this increases the cost Q by less
+    than `SIGMAS_997`².
     """
-    fit = result.fit if result.last is None else result.last.fit
+    fit = result.last.fit
     progress("Testing the other effects of the catalogue …")
     tests = score_tests(fit)
 
     def replaces(other: str, name: str) -> bool:
-        if result.last is None:
+        if not result.halves:
             return refit(fit, name, other).cost - fit.cost < SIGMAS_997**2
         return without_term(result.last, name, seed=seed, instead=other).increase.low <= 0
 
@@ -220,14 +217,12 @@ def with_confounded_terms(
 
 def known_beforehand(problem: MultiStep) -> set[str]:
     """Return the terms whose prior mean is more than `SIGMAS_997` prior σ away from no effect."""
-    out = set()
-    sd = 1 / np.sqrt(np.diag(problem.prior))
-    for j, f in enumerate(problem.structure.free):
-        if f.term is None or f.log or f.name in problem.varying:
-            continue
-        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS_997 * sd[j]:
-            out.add(f.term)
-    return out
+    u = (problem.start - without_effects(problem)) * np.sqrt(np.diag(problem.prior))
+    return {
+        f.term
+        for f, far in zip(problem.structure.free, np.abs(u) > SIGMAS_997, strict=False)
+        if far and f.term is not None and not f.log and f.name not in problem.varying
+    }
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
@@ -253,68 +248,34 @@ def without_term(
     The result contains the increase of the held-out loss. Each fold is held out once. If the term
     varies by recording and there are several recordings, each recording is held out instead.
     """
-    p = current.fit.problem
-    if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
+    p, scale = current.fit.problem, current.fit.scale
+    by_recording = any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1
+    fits = current.without_recording if by_recording else current.folds
+    losses = recording_losses if by_recording else fold_losses
 
-        def one(i: int) -> np.ndarray:
-            full = current.without_recording(i)
-            less = refit(full, name, instead)
-            loss = [recording_losses(f, p, i, current.fit.scale) for f in (less, full)]
-            return np.asarray(loss[0] - loss[1])
+    def one(i: int) -> tuple[MultiStepFit, np.ndarray]:
+        less = refit(fits[i], name, instead)
+        return less, losses(less, p, i, scale) - losses(fits[i], p, i, scale)
 
-        each_cell = np.concatenate(parallel_map(one, len(p.flights)))
-        return TermResult(name, bootstrap(each_cell, seed))
-
-    def each(i: int) -> tuple[MultiStepFit, np.ndarray]:
-        fit, test = current.folds[i]
-        less = refit(fit, name, instead)
-        loss = [held_out_losses(f, test, fit.scale) for f in (less, fit)]
-        return less, np.asarray(loss[0] - loss[1])
-
-    results = parallel_map(each, len(current.folds))
-    increase = bootstrap(np.concatenate([d for _, d in results]), seed)
-    without, with_term = (tuple(fit for fit, _ in x) for x in (results, current.folds))
-    return TermResult(name, increase, without, with_term)
+    less, increases = zip(*parallel_map(one, len(fits)), strict=True)
+    increase = bootstrap(np.concatenate(increases), seed)
+    return TermResult(name, increase, () if by_recording else tuple(zip(less, fits, strict=True)))
 
 
-def training_cost(current: FitWithFolds, trial: TermResult) -> float:
-    """Return by how much the cost Q on the training blocks increases without one term.
+def fold_losses(full: MultiStepFit, p: MultiStep, fold: int, scale: np.ndarray) -> np.ndarray:
+    """Return the mean loss in each cell (`cell_losses`) of a fold, which the fit left out.
 
-    ``trial``: fits without the term; ``current``: fits with it. The result is 0 if whole recordings
-    were held out instead of blocks, because ``trial`` then contains no fits.
+    ``p`` contains the windows of all folds.
     """
-    each = zip(trial.fits_without, current.folds, strict=False)
-    return sum(less.cost - fit.cost for less, (fit, _) in each)
-
-
-def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) of the fit ``full`` in each of m cells of held-out flight.
-
-    A cell is `WINDOW_S` seconds long. ``test``: the held-out prediction windows. ``scale``: RMS
-    errors s by horizon and axis, by which the prediction errors are divided.
-    """
-    windows = replace(test, structure=full.structure, varying=full.problem.varying)
-    each = windows.errors(full.z, full.noise, STAGE_S)
-    flights = zip(windows.flights, each, strict=True)
-    return np.concatenate([cell_losses(f, e, scale) for f, e in flights])
-
-
-def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return the mean robust loss (m,) of the predictions that start in each cell of a flight.
-
-    A cell is `WINDOW_S` seconds long. ``e`` (S, M, 3): errors in rad of S predictions at M
-    horizons. ``scale``: RMS errors by horizon and axis, by which ``e`` is divided.
-    """
-    loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
-    cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)
-    return np.array([loss[cell == c].mean() for c in np.unique(cell)])
+    test = with_windows(p, [split_windows(f, fold)[1] for f in p.flights]).flights
+    each = replace(full.problem, flights=test).errors(full.z, full.noise, STAGE_S)
+    return np.concatenate([cell_losses(f, e, scale) for f, e in zip(test, each, strict=True)])
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) in each of m cells of recording i, which the fit left out.
+    """Return the mean loss in each cell (`cell_losses`) of recording i, which the fit left out.
 
-    A cell is `WINDOW_S` seconds long. ``p`` contains all recordings, the fit ``full`` all except i.
-    ``scale``: RMS errors by horizon and axis, by which the prediction errors are divided.
+    ``p`` contains all recordings, the fit ``full`` all except i.
     """
     q, flight, a = full.problem, p.flights[i], full.noise
     data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
@@ -329,18 +290,27 @@ def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray
     return cell_losses(flight, e, scale)
 
 
+def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return the mean robust loss (m,) of the predictions that start in each cell of a flight.
+
+    A cell is `WINDOW_S` seconds long. ``e`` (S, M, 3): errors in rad of S predictions at M
+    horizons. ``scale``: RMS errors s by horizon and axis, by which ``e`` is divided.
+    """
+    loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
+    cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)
+    return np.array([loss[cell == c].mean() for c in np.unique(cell)])
+
+
 def split_at_climb_end(data: Data, row: int) -> Data:
     """Return the data, with the block that contains ``row`` divided there.
 
     The filter starts again in the second block, so the climb in the first one biases no estimate.
     """
-    blocks: list[tuple[int, int, int]] = []
-    free: list[np.ndarray] = []
-    for (lead, start, stop), axes in zip(data.blocks, data.free, strict=True):
+    blocks = []
+    for lead, start, stop in data.blocks.tolist():
         cut = row if start + 2 < row < stop - 2 else stop
         blocks += [(lead, a, b) for a, b in ((start, cut), (cut, stop)) if b > a]
-        free += [axes] * (len(blocks) - len(free))
-    return replace(data, blocks=np.array(blocks, dtype=data.blocks.dtype), free=np.array(free))
+    return with_blocks(data, np.array(blocks))
 
 
 def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:

@@ -12,15 +12,22 @@ overlap.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.refits import split_windows
-from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut, Predictions, gain
-from heli3dof.diagnosis.validation.prediction import MAX_ERROR
+from heli3dof.diagnosis.validation.gain import (
+    HORIZON_S,
+    Gain,
+    HeldOut,
+    Predictions,
+    gain,
+    sums_by_cell,
+)
+from heli3dof.diagnosis.validation.prediction import MAX_ERROR, mean_square
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.identification.greybox.multistep import WINDOW_S
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -46,8 +53,7 @@ class FreeRun:
         horizons_s = np.arange(1, round(WINDOW_S / HORIZON_STEP_S) + 1) * HORIZON_STEP_S
         for r in recordings:
             flight = flight_of(r)
-            ahead = np.array([round(h / r.dt) for h in horizons_s])
-            each.append(free_run_errors(model, r, ahead))
+            each.append(free_run_errors(model, r, horizons_s))
             cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int) + last
             cells.append(cell)
             last = int(cell.max(initial=last)) + 1
@@ -55,7 +61,7 @@ class FreeRun:
 
     def window_rmse_deg(self) -> dict[str, float]:
         """Return {axis: RMSE in degrees over all horizons up to `WINDOW_S`}."""
-        squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
+        squares = np.vstack([np.zeros((1, 3)), mean_square(self.e)])
         mean = np.trapezoid(squares, dx=HORIZON_STEP_S, axis=0) / WINDOW_S
         return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
 
@@ -68,8 +74,8 @@ def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recordi
     e, cell = [], []
     flights = [flight_of(r) for r in recordings]
     for fold, model in enumerate(models):
-        test = [np.isin(f.starts, split_windows(f, fold)[1].starts) for f in flights]
-        rows, run = np.concatenate(test), FreeRun.of(model, recordings)
+        rows = np.concatenate([split_windows(f, fold)[1] for f in flights])
+        run = FreeRun.of(model, recordings)
         e.append(run.e[rows])
         cell.append(run.cell[rows])
     return FreeRun(np.concatenate(e), np.concatenate(cell))
@@ -81,12 +87,15 @@ def predicts_better(before: FreeRun, after: FreeRun) -> bool:
     return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
 
 
-def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
-    """Return the errors (S, M, 3), in rad, of predictions from S start rows.
+def free_run_errors(
+    model: GreyBoxModel, recording: Recording, horizons_s: Iterable[float]
+) -> np.ndarray:
+    """Return the errors (S, M, 3), in rad, of predictions from S start rows over M horizons.
 
-    ``ahead`` (M,): the horizons in rows. Unmeasured axes are NaN.
+    Unmeasured axes are NaN.
     """
     flight = flight_of(recording)
+    ahead = np.array([max(1, round(h / recording.dt)) for h in horizons_s])
     states = filtered(model, recording)[1]
     with np.errstate(all="ignore"):
         e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
@@ -105,10 +114,7 @@ def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
 
     def held_out(x: FreeRun) -> HeldOut:
         e = x.e[:, round(HORIZON_S / HORIZON_STEP_S) - 1]
-        squares, counts = (
-            np.column_stack([np.bincount(cell, v, len(names)) for v in of_e.T])
-            for of_e in (np.nan_to_num(e) ** 2, np.isfinite(e))
-        )
-        return HeldOut(none, squares, counts, none, none, on, Predictions(*[none] * 4))
+        sums = sums_by_cell(e, cell, len(names))
+        return HeldOut(none, *sums, none, none, on, Predictions(*[none] * 4))
 
     return gain(held_out(before), held_out(after), seed=seed)

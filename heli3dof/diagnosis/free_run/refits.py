@@ -8,11 +8,12 @@ are the weighted residuals. `identification.greybox.levenberg_marquardt.follow_o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from heli3dof.identification.greybox.levenberg_marquardt import FRESH, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import FRESH, LeastSquares, follow_on
 from heli3dof.identification.greybox.multistep import (
     SETTLED,
     STAGES_S,
@@ -42,30 +43,28 @@ class FitWithFolds:
     """A fit to all windows, and the fits that cross-validation needs."""
 
     fit: MultiStepFit
-    folds: tuple[tuple[MultiStepFit, MultiStep], ...]
-    """For each fold: the fit to the other folds' windows, and the problem of its test windows"""
-    _without_recording: dict[int, MultiStepFit] = field(default_factory=dict)
+    folds: Sequence[MultiStepFit]
+    """For each fold, the fit to the windows of the other folds (`folds_of`)"""
 
-    @classmethod
-    def of(cls, fit: MultiStepFit) -> FitWithFolds:
-        return cls(fit, tuple(folds_of(fit)))
+    @cached_property
+    def without_recording(self) -> list[MultiStepFit]:
+        """Return for each recording the fit to all others."""
+        full, p = self.fit, self.fit.problem
+        recording = np.repeat(np.arange(len(p.flights)), [len(f.starts) for f in p.flights])
 
-    def without_recording(self, i: int) -> MultiStepFit:
-        """Return the fit to all recordings except the one with index ``i`` (from 0)."""
-        if i not in self._without_recording:
-            kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
-            self._without_recording[i] = fit_to_recordings(kept, self.fit)
-        return self._without_recording[i]
+        def one(i: int) -> MultiStepFit:
+            others, at = part_of(p, [j for j in range(len(p.flights)) if j != i])
+            return warm_fit(full, others, full.z[at], window_tangents(full, recording != i)[at])
+
+        return parallel_map(one, len(p.flights))
 
     def without_term(self, name: str, fits: Sequence[MultiStepFit] = ()) -> FitWithFolds:
         """Return the fit to all windows and each fold's fit, refitted without the term ``name``.
 
         ``fits``: the folds' refits without this term, if they exist already.
         """
-        each = list(fits) or parallel_map(lambda k: refit(self.folds[k][0], name), len(self.folds))
-        tests = [test for _, test in self.folds]
-        whole = refit(self.fit, name)
-        return FitWithFolds(whole, tuple(zip(each, tests, strict=True)))
+        each = fits or parallel_map(lambda k: refit(self.folds[k], name), len(self.folds))
+        return FitWithFolds(refit(self.fit, name), each)
 
 
 def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiStepFit:
@@ -94,9 +93,13 @@ def warm_fit(
     z are the scaled parameters, r (R,) the residuals. The error scales are those of ``full``.
     ``fresh``: number of times D may be recomputed. If D is None, it is computed at z.
     """
-    v = least_squares_problem(new, full.noise, STAGE_S, full.scale)
-    r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
+    r = follow_on(least_squares(full, new), z, D, settled=SETTLED, fresh=fresh)
     return MultiStepFit(new, r.z, full.noise, full.scale, r.cost, r.tangents, r.rounds, r.settled)
+
+
+def least_squares(full: MultiStepFit, p: MultiStep) -> LeastSquares:
+    """Return the least-squares problem of ``p`` with the noise and error scales of the fit."""
+    return least_squares_problem(p, full.noise, STAGE_S, full.scale)
 
 
 def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
@@ -117,38 +120,53 @@ def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.nda
     """
     old, z = full.problem, new.start.copy()
     D = np.full((new.dim, full.tangents.shape[1]), np.nan)
-    at = {n: j for j, n in enumerate(old.structure.names)}
+    names = old.structure.names
     for j, n in enumerate(new.structure.names):
-        if n in at:
-            z[j], D[j] = full.z[at[n]], full.tangents[at[n]]
-            if n in new.varying:
-                to, source = recording_indices(new, j), recording_indices(old, at[n])
-                z[to], D[to] = full.z[source], full.tangents[source]
+        if n in names:
+            to, source = unknowns_of(new, j), unknowns_of(old, names.index(n))
+            z[to], D[to] = full.z[source], full.tangents[source]
     return z, D
 
 
-def recording_indices(problem: MultiStep, j: int) -> list[int]:
-    """Return the indices of parameter j's values, one per recording, in the scaled parameters z."""
-    b = list(problem.own).index(j)
-    return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
+def parameter_of_unknown(p: MultiStep) -> np.ndarray:
+    """Return for each scaled parameter in z (dim,) the index of its parameter (0 … n − 1)."""
+    return np.concatenate([np.arange(p.n), np.tile(p.own, len(p.flights))])
 
 
-def folds_of(full: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
-    """Return for each fold the fit to the other folds' windows, and its test windows."""
+def unknowns_of(p: MultiStep, j: int) -> np.ndarray:
+    """Return the indices in z of parameter j: of the common value, then of each recording's own."""
+    return np.flatnonzero(parameter_of_unknown(p) == j)
+
+
+def without_effects(p: MultiStep) -> np.ndarray:
+    """Return the scaled parameters z (dim,) of a model whose terms have no effect.
+
+    On a logarithmic scale, which has no such value, it is the lower bound.
+    """
+    null = np.array([f.scaled(f.low if f.log else f.null) for f in p.structure.free])
+    return np.asarray(null[parameter_of_unknown(p)])
+
+
+def folds_of(full: MultiStepFit) -> list[MultiStepFit]:
+    """Return for each fold the fit to the windows of the other folds."""
     p = full.problem
 
-    def one(fold: int) -> tuple[MultiStepFit, MultiStep]:
-        split = [split_windows(f, fold) for f in p.flights]
-        train = replace(p, flights=tuple(a for a, _ in split))
-        test = replace(p, flights=tuple(b for _, b in split))
-        kept = [np.isin(f.starts, a.starts) for f, (a, _) in zip(p.flights, split, strict=True)]
+    def one(fold: int) -> MultiStepFit:
+        kept = [split_windows(f, fold)[0] for f in p.flights]
+        train = with_windows(p, kept)
         fit = warm_fit(full, train, full.z, window_tangents(full, np.concatenate(kept)))
-        v = least_squares_problem(train, full.noise, STAGE_S, full.scale)
+        v = least_squares(full, train)
         # Many refits and the standard deviations use these tangents, so they are recomputed.
         D = v.tangents(fit.z, v.residuals(fit.z))
-        return warm_fit(full, train, fit.z, D), test
+        return warm_fit(full, train, fit.z, D)
 
     return parallel_map(one, FOLDS)
+
+
+def with_windows(p: MultiStep, kept: Sequence[np.ndarray]) -> MultiStep:
+    """Return the problem of the prediction windows ``kept``, (S,) bool for each flight."""
+    each = zip(p.flights, kept, strict=True)
+    return replace(p, flights=tuple(replace(f, starts=f.starts[k]) for f, k in each))
 
 
 def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
@@ -160,23 +178,21 @@ def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
     return np.asarray(each[:, kept].reshape(len(full.z), -1))
 
 
-def split_windows(flight: Flight, fold: int) -> tuple[Flight, Flight]:
-    """Return (training windows outside the fold's blocks, test windows inside).
+def split_windows(flight: Flight, fold: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return which of the S windows are outside the fold's blocks (training), which inside (test).
 
-    Windows that cross the edge of a block are omitted.
+    Both results are (S,) bool. A window that crosses the edge of a block is in neither.
     """
     start = flight.t[flight.starts]
     stop = start + WINDOW_S
     block = np.floor(start / FOLD_BLOCK_S).astype(int)
     last = np.floor((stop - 1e-9) / FOLD_BLOCK_S).astype(int)
-    test = (block % FOLDS == fold) & (last == block)
-    train = (block % FOLDS != fold) & (last == block)
-    return replace(flight, starts=flight.starts[train]), replace(flight, starts=flight.starts[test])
+    whole, inside = last == block, block % FOLDS == fold
+    return whole & ~inside, whole & inside
 
 
-def fit_to_recordings(which: Sequence[int], full: MultiStepFit) -> MultiStepFit:
-    """Return the fit to the recordings with the indices ``which`` alone."""
-    p = full.problem
+def part_of(p: MultiStep, which: Sequence[int]) -> tuple[MultiStep, np.ndarray]:
+    """Return the problem of the recordings ``which`` alone, and its unknowns' indices in z."""
     part = replace(
         p,
         flights=tuple(p.flights[i] for i in which),
@@ -184,7 +200,4 @@ def fit_to_recordings(which: Sequence[int], full: MultiStepFit) -> MultiStepFit:
         rows=tuple(p.rows[i] for i in which),
     )
     b = len(p.own)
-    at = np.concatenate([np.arange(p.n), *(p.n + i * b + np.arange(b) for i in which)])
-    recording = np.repeat(np.arange(len(p.flights)), [len(f.starts) for f in p.flights])
-    D = window_tangents(full, np.isin(recording, which))
-    return warm_fit(full, part, full.z[at], D[at])
+    return part, np.concatenate([np.arange(p.n), *(p.n + i * b + np.arange(b) for i in which)])

@@ -30,6 +30,7 @@ LEAST = 0.10
 NEARLY = 0.8
 SHARE_DRAWS = 500
 """Chosen; not derived: knots, ridge penalty, limits of the share, bootstrap draws"""
+VARIABLES = (*AXES, *(f"{a}_rate" for a in AXES), "voltage_sum", "voltage_difference", "time")
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
@@ -71,35 +72,24 @@ def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str
     The row numbers refer to the result of `residuals`. Times are in s; 10⁴ s are added for each
     earlier recording.
     """
-    rows, t, at = [], [], 0
-    x: dict[str, list[np.ndarray]] = {}
+    rows, t, means, at = [], [], [], 0
     for n, log in enumerate(logs):
-        first, L, flight = log.spans[0].rows, len(log.spans[0].phi), log.flight
+        first, L, V = log.spans[0].rows, len(log.spans[0].phi), log.flight.V
         keep, free = [], -1
         for i, k in enumerate(first):
             if k >= free:
                 keep.append(i)
                 free = k + L
-        where = first[keep]
-
-        def mean(v: np.ndarray, where: np.ndarray = where, L: int = L) -> np.ndarray:
-            total = np.concatenate([[0.0], np.cumsum(v)])
-            return np.asarray((total[where + L] - total[where]) / L)
-
-        V = flight.V
-        variables = {a: mean(log.y_smooth[:, i]) for i, a in enumerate(AXES)}
-        variables |= {f"{a}_rate": mean(log.y_dot[:, i]) for i, a in enumerate(AXES)}
-        variables |= {
-            "voltage_sum": mean(V.sum(axis=1)),
-            "voltage_difference": mean(V[:, 0] - V[:, 1]),
-            "time": mean(flight.t),
-        }
-        for name, z in variables.items():
-            x.setdefault(name, []).append(z)
+        x = np.column_stack(
+            [log.y_smooth, log.y_dot, V.sum(axis=1), V[:, 0] - V[:, 1], log.flight.t]
+        )
+        mean = x[np.add.outer(first[keep], np.arange(L))].mean(axis=1)
         rows.append(np.array(keep) + at)
-        t.append(mean(flight.t) + 1e4 * n)
+        t.append(mean[:, -1] + 1e4 * n)
+        means.append(mean)
         at += len(first)
-    return np.concatenate(rows), np.concatenate(t), {k: np.concatenate(v) for k, v in x.items()}
+    by_variable = dict(zip(VARIABLES, np.concatenate(means).T, strict=True))
+    return np.concatenate(rows), np.concatenate(t), by_variable
 
 
 def _hats(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -136,10 +126,9 @@ def _cross_validated_share(
         c, _ = _solve(A[~test], y[~test] - mean)
         total[test] = (y[test] - mean) ** 2
         explained[test] = total[test] - (y[test] - mean - A[test] @ c) ** 2
-    names = np.unique(block)
-    W = np.array([explained[block == b].sum() for b in names])
-    T = np.array([total[block == b].sum() for b in names])
-    drawn = np.random.default_rng(3).integers(0, len(names), (SHARE_DRAWS, len(names)))
+    _, k = np.unique(block, return_inverse=True)
+    W, T = np.bincount(k, explained), np.bincount(k, total)
+    drawn = np.random.default_rng(3).integers(0, len(W), (SHARE_DRAWS, len(W)))
     draws = W[drawn].sum(axis=1) / T[drawn].sum(axis=1)
     return float(W.sum() / T.sum()), interval(draws)[0], float((draws > 0).mean())
 

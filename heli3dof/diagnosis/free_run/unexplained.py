@@ -42,6 +42,7 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.doubtful_findings import constant_voltage
 from heli3dof.diagnosis.constants import SIGMAS_95
+from heli3dof.diagnosis.free_run.refits import part_of
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
@@ -135,24 +136,22 @@ def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[floa
 
     The mean is from `SPUN_UP_S` after row k until row k + n of recording i.
     """
-    p = fit.problem
-    flight = p.flights[i]
+    alone, at = part_of(fit.problem, [i])
+    (flight,) = alone.flights
     first = k + round(SPUN_UP_S / flight.dt)
     climb = replace(flight, starts=np.array([first]))
     log = log_of(climb, max((k + n - first) * flight.dt, SPANS_S[0] + 2 * flight.dt))
-    alone = replace(p, flights=(climb,), data=(p.data[i],), rows=(p.rows[i],))
-    b = len(p.own)
-    at = np.r_[: p.n, p.n + i * b : p.n + (i + 1) * b]
+    alone = replace(alone, flights=(climb,))
     measured = float(log.spans[0].integrals(log.y, np.zeros_like(log.y))[:, 1].mean())
 
-    def model(z: np.ndarray) -> float:
-        return measured - float(residuals(alone, [log], z)[0][:, 1].mean())
+    def error(z: np.ndarray) -> float:
+        return float(residuals(alone, [log], z)[0][:, 1].mean())
 
     z = fit.z[at]
-    modelled = model(z)
-    slope = np.array([model(z + d) - modelled for d in DIFFERENCE * np.eye(len(z))]) / DIFFERENCE
+    e = error(z)
+    slope = np.array([error(z + d) - e for d in DIFFERENCE * np.eye(len(z))]) / DIFFERENCE
     C = fit.scaled_covariance[np.ix_(at, at)]
-    return measured, modelled, float(np.sqrt(slope @ C @ slope))
+    return measured, measured - e, float(np.sqrt(slope @ C @ slope))
 
 
 def _state_at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ import numpy as np
 
 from heli3dof.diagnosis.constants import MAX_COMPARED, QUANTILE_975
 from heli3dof.diagnosis.free_run.elimination import NORMAL
-from heli3dof.diagnosis.free_run.refits import STAGE_S
+from heli3dof.diagnosis.free_run.refits import least_squares
 from heli3dof.diagnosis.planning.plan_flights import flights_needed, fly_task, is_stable, task_of
 from heli3dof.diagnosis.result import (
     MIN_CERTAINTY,
@@ -41,7 +41,7 @@ from heli3dof.diagnosis.result import (
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
+from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 
@@ -63,9 +63,9 @@ class OpenParameter:
     slope: float
     unit: str
 
-    def significance(self, after: float) -> float:
-        """Return the significance u expected of a flight that lowers σ = ``std`` to ``after``."""
-        return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
+    def margin(self, after: float) -> float:
+        """Return the evidence u² expected of a flight that lowers σ = ``std`` to ``after``."""
+        return self.size**2 * max(after**-2 - self.std**-2, 0.0)
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
@@ -101,17 +101,13 @@ def next_free_flight(
         return None if A is None else np.sqrt(np.diag(np.linalg.inv(H + A)))
 
     deviations = parallel_map(std_after, len(loaded), what="plans")
-    significances = {
-        plan.name: (plan.duration_s, [w.significance(s[w.index] * w.slope) for w in parameters])
-        for plan, s in zip(loaded, deviations, strict=True)
-        if s is not None
-    }
-    if not significances:
+    outlooks = []
+    for plan, s in zip(loaded, deviations, strict=True):
+        if s is not None:
+            margins = tuple(w.margin(s[w.index] * w.slope) for w in parameters)
+            outlooks.append(PlanForecast(plan.name, plan.duration_s, margins, _certainty(margins)))
+    if not outlooks:
         return None
-    outlooks = (
-        PlanForecast(name, T, tuple(x**2 for x in u), _certainty([x**2 for x in u]))
-        for name, (T, u) in significances.items()
-    )
     ranking = sorted(outlooks, key=lambda o: -o.certainty / o.duration_s)
     best = ranking[0]
     return NextExperiment(
@@ -130,14 +126,14 @@ def why_none(open_: UndecidedTerms | None) -> str:
     return "no plan is feasible on the fitted model with the default controller"
 
 
-def probability_significant(u: float) -> float:
-    """Return the probability that a parameter with the expected significance u is significant.
+def probability_significant(margin: float) -> float:
+    """Return the probability that a parameter with the expected evidence u² is significant.
 
     >>> p = probability_significant
-    >>> round(p(1.96), 2), round(p(4.0), 2)
+    >>> round(p(1.96**2), 2), round(p(16.0), 2)
     (0.5, 0.98)
     """
-    return NORMAL.cdf(u - QUANTILE_975)
+    return NORMAL.cdf(math.sqrt(margin) - QUANTILE_975)
 
 
 def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:
@@ -156,7 +152,7 @@ def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -
     z = np.concatenate([fit.theta, fit.theta[p.own]])
     # Neighbouring windows overlap almost completely, so every other window suffices.
     p = replace(p, flights=tuple(replace(f, starts=f.starts[::2]) for f in p.flights))
-    v = least_squares_problem(p, fit.noise, STAGE_S, fit.scale)
+    v = least_squares(fit, p)
     D = v.tangents(z, v.residuals(z))
     return marginal(D @ D.T + coupling(p), p.n)
 
@@ -183,7 +179,7 @@ def coupling(p: MultiStep) -> np.ndarray:
 
 def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) -> str:
     each = ", ".join(
-        f"{w.name} with a probability of {percent(probability_significant(math.sqrt(m)))} "
+        f"{w.name} with a probability of {percent(probability_significant(m))} "
         f"(if its size is {f'{w.size:.2g} {w.unit}'.removesuffix(' –')})"
         for w, m in zip(parameters, best.margins, strict=True)
     )
@@ -202,4 +198,4 @@ def _certainty(margins: Sequence[float], flights: int = 1) -> float:
 
     ``margins``: u² of one flight for each parameter; those of several flights add.
     """
-    return float(np.mean([probability_significant(math.sqrt(flights * m)) for m in margins]))
+    return float(np.mean([probability_significant(flights * m) for m in margins]))

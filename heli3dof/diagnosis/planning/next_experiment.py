@@ -205,13 +205,10 @@ def _outlooks(
     z = parallel_map(lambda k: _scores(base, tasks[k // n], models[k % n], flat), n * len(tasks))
     out = []
     for i, task in enumerate(tasks):
-        without, *with_cause = z[n * i : n * (i + 1)]
-        margins = tuple(
-            _margin(x - without, j, starts)
-            for j, x in enumerate(with_cause)
-            if x is not None and without is not None
-        )
-        if len(margins) == n - 1:
+        scores = [x for x in z[n * i : n * (i + 1)] if x is not None]
+        if len(scores) == n:
+            without, *with_cause = scores
+            margins = tuple(_margin(x - without, j, starts) for j, x in enumerate(with_cause))
             certainty = float(np.mean([_probability_decided(m) for m in margins]))
             out.append(PlanForecast(task.plan.name, task.plan.duration_s, margins, certainty))
     return out
@@ -225,8 +222,7 @@ def _scores(
     The result is None if the flight is not feasible or has no usable rows.
     """
     flight = fly_task(task, model)
-    runs = [] if flight is None else usable_runs(flight, 0)
-    if flight is None or not runs:
+    if flight is None or not (runs := usable_runs(flight, 0)):
         return None
     problem = replace(base.problem, data=data_of([flight], runs))
     optimum = base.optimum

@@ -30,14 +30,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
+from heli3dof.diagnosis.validation.gain import (
+    CELL_S,
+    HORIZON_S,
+    HeldOut,
+    Predictions,
+    sums_by_cell,
+)
 from heli3dof.diagnosis.validation.prediction import (
+    measured_rows,
     prediction_errors,
     problem_of,
+    rows_ahead,
     rows_of_recordings,
     starts_of,
     with_blocks,
@@ -79,11 +87,10 @@ def on_holdout(
     problem, optimum = problem_of(fit.structure, recordings), fit.optimum
     theta = optimum.theta if theta is None else theta
 
-    def evaluate_recording(rows: tuple[int, int]) -> RowResults:
+    results = []
+    for rows in rows_of_recordings(problem.data):
         own = with_own_values(problem, theta, optimum.noise, rows)
-        return _evaluate(problem, own, optimum.noise, rows)
-
-    results = [evaluate_recording(rows) for rows in rows_of_recordings(problem.data)]
+        results.append(_evaluate(problem, own, optimum.noise, rows))
     return _summed_over_cells(problem.data, "holdout", results)
 
 
@@ -97,7 +104,7 @@ def on_blocks(fit: Estimate, theta: np.ndarray | None = None) -> HeldOut:
     tangents = problem.tangents(o.theta, at)
     cuts = _blocks(d)
 
-    def evaluate_block(k: int) -> RowResults:
+    def evaluate_block(k: int) -> tuple[np.ndarray, np.ndarray]:
         own = _estimate_without(fit, at, tangents, cuts[k]) if theta is None else theta
         return _evaluate(problem, own, o.noise, cuts[k])
 
@@ -118,7 +125,7 @@ def held_out(
 
 def _blocks(d: Data) -> list[tuple[int, int]]:
     """Return the rows [a, b) of each block; all blocks have equally many measured rows."""
-    rows = np.concatenate([np.arange(start, stop) for _, start, stop in d.blocks])
+    rows = measured_rows(d)
     dt = float(np.median(d.h))
     n = int(np.clip(len(rows) * dt / MIN_BLOCK_S, 2, BLOCKS))
     ends = np.linspace(0, len(rows), n + 1).astype(int)
@@ -158,10 +165,7 @@ def _estimate_without(
     theta, noise = fit.optimum.theta, fit.optimum.noise
     if not len(problem.data.blocks):
         return problem.prior_mean
-    counted = np.zeros(len(problem.data.t), dtype=bool)
-    for _, start, stop in problem.data.blocks:
-        counted[start:stop] = True
-    remains = counted[at.row]
+    remains = np.isin(at.row, measured_rows(problem.data))
     bias_of_rows = fit.score_bias * float(remains.mean())
     g, H = score_and_information(
         replace(at, g=np.where(remains, at.g, 0.0), w=np.where(remains, at.w, 0.0)), tangents
@@ -171,7 +175,7 @@ def _estimate_without(
     if C is not None:
         share = np.diag(C) * float(remains.mean())
         precision = precision * np.maximum(1.0, share / np.maximum(np.diag(H), 1e-12))
-        problem = _with_prior_precision(problem, precision)
+        vars(problem)["prior_precision"] = precision  # replaces that of the `cached_property`
     A = H + np.diag(precision)
     step, free = np.zeros(len(theta)), ~fixed_parameters(problem)
     gradient = g - bias_of_rows - precision * (theta - problem.prior_mean)
@@ -185,44 +189,31 @@ def _estimate_without(
     ).theta
 
 
-def _with_prior_precision(problem: Likelihood, precision: np.ndarray) -> Likelihood:
-    """Return the same likelihood with another precision (n,) of the prior."""
-    likelihood = replace(problem)
-    vars(likelihood)["prior_precision"] = precision  # replaces the value of the `cached_property`
-    return likelihood
-
-
-@dataclass(frozen=True, eq=False)
-class RowResults:
-    """Log-likelihood and prediction errors of a model on the evaluated rows."""
-
-    loglik: np.ndarray
-    """(N,) ln Z of each row; 0 in rows that are not evaluated"""
-    ends: np.ndarray
-    """(S,) rows in which the predictions end"""
-    errors: np.ndarray
-    """(S, 3) rad; NaN unless a prediction starts and ends in evaluated rows"""
-
-
 def _evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
-) -> RowResults:
-    """Evaluate the model at θ (n,) on ``rows`` [a, b), with the process noise most likely there."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return log-likelihood and prediction errors of the model at θ (n,) on ``rows`` [a, b).
+
+    The process noise is the most likely one there. The log-likelihood ln Z (N,) is 0 in other rows.
+    The errors (S, 3) rad, from the starts of the complete data, are NaN unless the prediction
+    starts and ends in ``rows``.
+    """
     data = problem.data
     evaluated = replace(problem, data=_restricted(data, [rows], settle_s=settling_s(problem)))
     noise = _most_likely_noise(evaluated, theta, noise, rows[0])
     X = evaluated.run(theta, noise, keep=3).X
     assert X is not None
     loglik = row_by_row(evaluated.data, X).sum(axis=1)
-    inside = np.zeros(len(data.t), dtype=bool)
-    inside[rows[0] : rows[1]] = True
-    loglik[~inside] = 0.0
-    # All blocks use the same starts: those of the complete data.
-    prediction = prediction_errors(evaluated, theta, X, (HORIZON_S,), starts_of(data))
-    n = round(HORIZON_S / float(np.median(data.h)))
-    ends = np.minimum(prediction.starts + n, len(data.t) - 1)
-    counts = inside[prediction.starts] & inside[ends]
-    return RowResults(loglik, ends, np.where(counts[:, None], prediction.errors[:, 0], np.nan))
+    loglik[: rows[0]] = 0.0
+    starts = starts_of(data)
+    errors = prediction_errors(evaluated, theta, X, (HORIZON_S,), starts)[:, 0]
+    errors[(starts < rows[0]) | (_ends(data) >= rows[1])] = np.nan
+    return loglik, errors
+
+
+def _ends(d: Data) -> np.ndarray:
+    """Return the rows (S,) in which the predictions end, at most the last row."""
+    return np.asarray(np.minimum(starts_of(d) + rows_ahead(d, (HORIZON_S,)), len(d.t) - 1))
 
 
 def settling_s(problem: Likelihood) -> float:
@@ -237,11 +228,8 @@ def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     ``X`` (N, 9): columns 0 to 5 are a filter run's states, columns 6 to 8 the sums of ln Z over all
     rows up to each row, by axis.
     """
-    out = np.zeros((len(d.t), 3))
-    total = np.zeros(3)
-    for _, start, stop in d.blocks:
-        out[start:stop] = np.diff(X[start:stop, 6:], axis=0, prepend=total[None])
-        total = X[stop - 1, 6:]
+    out, rows = np.zeros((len(d.t), 3)), measured_rows(d)
+    out[rows] = np.diff(X[rows, 6:], axis=0, prepend=np.zeros((1, 3)))
     return out
 
 
@@ -280,42 +268,32 @@ def _most_likely_noise(
     return best
 
 
-def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
+def _summed_over_cells(d: Data, on: str, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> HeldOut:
     """Return the results of all ``parts``, summed over cells of about `CELL_S` seconds.
 
-    Each part contains the results on one hold-out recording or block. ``on``: description of the
-    held-out data.
+    Each part contains the results of `_evaluate` on one hold-out recording or block. ``on``:
+    description of the held-out data.
     """
-    cell_of_row, recorded_t = np.full(len(d.t), -1, dtype=np.int64), d.recorded_t
+    cell_of_row, recorded_t = np.zeros(len(d.t), dtype=np.int64), d.recorded_t
     starts: list[float] = []
     source: list[int] = []
-    for run, (_, start, stop) in zip(d.runs, d.blocks, strict=True):
+    for run, (lead, start, stop) in zip(d.runs, d.blocks, strict=True):
         dt = float(np.median(d.h[start:stop]))
         n = max(1, round((stop - start) * dt / CELL_S))
+        cell_of_row[lead:start] = len(starts)
         cell_of_row[start:stop] = len(starts) + (np.arange(stop - start) * n) // (stop - start)
         first = start + np.ceil(np.arange(n) * (stop - start) / n).astype(int)
         starts += recorded_t[first].tolist()
         source += [run.source] * n
-    m = len(starts)
-    loglik = np.sum([p.loglik for p in parts], axis=0)
-    ends = parts[0].ends
-    errors = parts[0].errors
-    for p in parts[1:]:
-        errors = np.where(np.isfinite(errors), errors, p.errors)
-    squares, counts = np.zeros((m, 3)), np.zeros((m, 3))
-    for i in range(3):
-        known = np.isfinite(errors[:, i])
-        cell = cell_of_row[ends[known]]
-        squares[:, i] = np.bincount(cell, errors[known, i] ** 2, m)
-        counts[:, i] = np.bincount(cell, minlength=m)
-    evaluated = cell_of_row >= 0
-    sources = np.array(source, dtype=np.int64)
+    loglik = np.sum([loglik for loglik, _ in parts], axis=0)
+    errors = np.fmax.reduce([errors for _, errors in parts])  # the only finite one of each start
+    ends, sources = _ends(d), np.array(source, dtype=np.int64)
+    cell, m = cell_of_row[ends], len(starts)
     return HeldOut(
-        np.bincount(cell_of_row[evaluated], loglik[evaluated], m),
-        squares,
-        counts,
+        np.bincount(cell_of_row, loglik, m),
+        *sums_by_cell(errors, cell, m),
         np.array(starts),
         sources,
         on,
-        Predictions(recorded_t[ends], sources[cell_of_row[ends]], d.y[ends], d.y[ends] - errors),
+        Predictions(recorded_t[ends], sources[cell], d.y[ends], d.y[ends] - errors),
     )

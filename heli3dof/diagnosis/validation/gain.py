@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -75,7 +76,8 @@ class HeldOut:
     @property
     def rmse_deg(self) -> dict[str, float | None]:
         """Return the predictions' RMSE by axis in degrees; None for an axis not measured."""
-        return _by_axis(rms_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
+        rmse = rms_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)).tolist()
+        return {a: x if isfinite(x) else None for a, x in zip(AXES, rmse, strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,17 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
     delta, likelihood = after.loglik - before.loglik, None
     if len(delta):
         likelihood = Interval(float(delta.sum()), *interval(delta[drawn].sum(axis=1)))
-    decreases = rmse_decreases(before.squares, after.squares, before.counts, drawn)
+
+    def decrease(cells: np.ndarray) -> np.ndarray:
+        counts = before.counts[cells].sum(axis=-2)
+        b, a = (rms_deg(x.squares[cells].sum(axis=-2), counts) for x in (before, after))
+        return np.asarray(b - a)
+
+    value, draws = decrease(np.arange(m)), decrease(drawn)
+    decreases = {
+        a: Interval(float(value[i]), *interval(draws[:, i])) if before.counts[:, i].any() else None
+        for i, a in enumerate(AXES)
+    }
     return Gain(before.on, before.rmse_deg, after.rmse_deg, decreases, likelihood)
 
 
@@ -125,36 +137,10 @@ def interval(draws: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def rmse_decreases(
-    before: np.ndarray, after: np.ndarray, counts: np.ndarray, drawn: np.ndarray
-) -> dict[str, Interval | None]:
-    """Return {axis: decrease of the RMSE in degrees, with its interval}; None without predictions.
-
-    ``before``, ``after`` (m, 3): the two models' Σ e² in rad² over the prediction errors e in each
-    of m cells of time. ``counts`` (m, 3): numbers of predictions. ``drawn`` (`DRAWS`, m): indices
-    of the cells of each bootstrap sample.
-    """
-    out: dict[str, Interval | None] = {}
-    for i, axis in enumerate(AXES):
-        n = counts[:, i]
-        if not n.sum():
-            out[axis] = None
-            continue
-
-        def decrease(cells: np.ndarray, i: int = i, n: np.ndarray = n) -> np.ndarray:
-            count = n[cells].sum(axis=-1)
-            b, a = (rms_deg(x[cells, i].sum(axis=-1), count) for x in (before, after))
-            return np.asarray(b - a)
-
-        out[axis] = Interval(float(decrease(np.arange(len(n)))), *interval(decrease(drawn)))
-    return out
-
-
 def removes_most(before: float, after: float, low: float) -> bool:
     """Return True if an RMSE decreases significantly, and its square by more than half.
 
-    ``before``, ``after``: the RMSE. ``low``: lower end of the interval of before − after; the
-    decrease is significant if ``low`` is above zero.
+    ``before``, ``after``: the RMSE. ``low``: lower end of the interval of before − after.
     """
     return low > 0 and before**2 > 2 * after**2
 
@@ -162,8 +148,7 @@ def removes_most(before: float, after: float, low: float) -> bool:
 def gain_interval_positive(g: Gain) -> bool:
     """Return True if the log-likelihood gain's interval lies above zero.
 
-    Held-out data are then significantly more likely under the extended model. Without a reliable
-    likelihood, the result is False.
+    Without a reliable likelihood, the result is False.
     """
     return g.log_likelihood is not None and g.log_likelihood.low > 0
 
@@ -177,5 +162,13 @@ def rms_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
         return np.asarray(np.degrees(np.sqrt(squares / counts)))
 
 
-def _by_axis(values: np.ndarray) -> dict[str, float | None]:
-    return {a: float(v) if np.isfinite(v) else None for a, v in zip(AXES, values, strict=True)}
+def sums_by_cell(errors: np.ndarray, cell: np.ndarray, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return (Σ e² in rad², number) of the errors in each of m cells, (m, 3) each, without NaN.
+
+    ``errors`` (S, 3) rad, ``cell`` (S,): those of S predictions.
+    """
+    squares, counts = (
+        np.column_stack([np.bincount(cell, v, m) for v in of_axes.T])
+        for of_axes in (np.nan_to_num(errors) ** 2, np.isfinite(errors))
+    )
+    return squares, counts

@@ -21,16 +21,17 @@ searched on a grid from before the recording (the mass is there throughout) to a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.identification.bias_correction.scans import ACCURACY_S
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.row_selection import usable_runs
+from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.greybox.prediction import NOISE
+from heli3dof.model.greybox.prediction import NOISE, impulse
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
@@ -47,21 +48,6 @@ PHASES = 8
 """Values of φ at which ℓ is evaluated; five are the fewest for two harmonics."""
 INSTANT_S = 1.0
 """s; distance of the grid's instants. The grid begins before the recording and ends after it."""
-
-
-@dataclass(frozen=True, eq=False)
-class PredictionErrors:
-    """Prediction errors from S starts over H horizons."""
-
-    starts: np.ndarray
-    """(S,) rows of the data"""
-    horizons_s: tuple[float, ...]
-    errors: np.ndarray
-    """(S, H, 3) rad, at most `MAX_ERROR`; NaN beyond the end of a run and on unmeasured axes"""
-
-    def rmse_deg(self) -> np.ndarray:
-        """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis."""
-        return np.asarray(np.degrees(np.sqrt(mean_square(self.errors))))
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
@@ -92,44 +78,47 @@ def prediction_errors(
     theta: np.ndarray,
     X: np.ndarray,
     horizons_s: Sequence[float],
-    starts: np.ndarray | None = None,
-) -> PredictionErrors:
-    """Return the prediction errors from the filter's states X (N, ≥ 6) at the parameters θ (n,).
+    starts: np.ndarray,
+) -> np.ndarray:
+    """Return the prediction errors (S, H, 3) rad of the S rows ``starts`` over H horizons.
 
-    X: columns angles, rates. ``starts`` (S,): rows to start from, by default `starts_of` the data.
-    The errors from a start outside the runs are NaN.
+    The predictions start from the filter's states X (N, ≥ 6), with the columns angles and rates, at
+    the parameters θ (n,). Errors are at most `MAX_ERROR`. They are NaN on unmeasured axes, beyond
+    the end of a run, and from a start outside the runs.
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
-    d, hooks = problem.data, problem.structure.hooks
-    s, par = problem.structure.arrays(problem.values(theta))
-    starts, rows = starts_of(d) if starts is None else starts, rows_ahead(d, horizons_s)
+    d, structure = problem.data, problem.structure
+    values, hooks = problem.values(theta), structure.hooks
+    s, par = structure.arrays(values)
+    thrust_integral = np.zeros((len(d.t) + 1, 2))
+    for lead, start, stop in d.blocks:
+        whole = impulse(structure, values, d.V[lead:stop], d.h[lead:stop])
+        thrust_integral[start : stop + 1] = whole[start - lead :]
+    usable, rows = np.isin(starts, measured_rows(d)), rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
-    inside = np.zeros(len(d.t), dtype=bool)
-    for _, start, stop in d.blocks:
-        inside[start:stop] = True
-    usable = inside[starts]
     readings = out[usable]
     predict_free_run(
-        s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
-        d.V, np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
+        s, hooks.first, hooks.address, par, structure.memory, d.blocks, d.free, d.t, d.V,
+        thrust_integral, np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
     )  # fmt: skip
     out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
-    return PredictionErrors(
-        starts, tuple(horizons_s), np.clip(d.y[end] - out, -MAX_ERROR, MAX_ERROR)
-    )
+    return np.asarray(np.clip(d.y[end] - out, -MAX_ERROR, MAX_ERROR))
 
 
-def model_errors(
-    model: GreyBoxModel, recordings: Sequence[Recording]
-) -> tuple[Likelihood, PredictionErrors]:
-    """Return the recordings' likelihood, and the model's prediction errors at `HORIZONS_S`."""
+def model_errors(model: GreyBoxModel, recordings: Sequence[Recording]) -> tuple[Data, np.ndarray]:
+    """Return the recordings' data and the model's prediction errors.
+
+    The errors (S, H, 3) rad are those of predictions from the S rows `starts_of` the data over the
+    H horizons `HORIZONS_S`.
+    """
     problem = problem_of(model.structure, recordings)
     theta = problem.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
-    return problem, prediction_errors(problem, theta, X, HORIZONS_S)
+    d = problem.data
+    return d, prediction_errors(problem, theta, X, HORIZONS_S, starts_of(d))
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
@@ -157,6 +146,11 @@ def starts_of(d: Data) -> np.ndarray:
     return np.concatenate(out).astype(np.int64)
 
 
+def measured_rows(d: Data) -> np.ndarray:
+    """Return the rows of the data's runs, without the lead-ins."""
+    return np.concatenate([np.zeros(0, int), *(np.arange(a, b) for _, a, b in d.blocks)])
+
+
 def rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
     """Return the horizons (H,) in rows of the data."""
     dt = float(np.median(d.h))
@@ -178,7 +172,6 @@ def with_own_values(
     d = problem.data
     inside = (d.blocks[:, 1] >= rows[0]) & (d.blocks[:, 2] <= rows[1])
     recording = replace(problem, data=with_blocks(d, d.blocks[inside]))
-    by_name = {t.name: t.effect for t in problem.structure.terms}
     for j, f in enumerate(problem.structure.free):
         if f.term is None or not f.per_recording:
             continue
@@ -190,7 +183,7 @@ def with_own_values(
             return total if np.isfinite(total) else -np.inf
 
         t = d.t[rows[0] : rows[1]]
-        if by_name[f.term].scan == "frequency":
+        if term(f.term).effect.scan == "frequency":
             theta[j] = f.scaled(best_phase(loglik))
         else:
             theta[j] = f.scaled(best_instant(loglik, float(t.min()), float(t.max())))

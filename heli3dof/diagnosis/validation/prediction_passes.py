@@ -1,8 +1,8 @@
 """Compute free-run predictions from filtered states over several horizons, and their variances.
 
-`predict_free_run` simulates as `heli3dof.model.greybox.prediction` does, in steps h of at most
-20 ms. q are the angles (rad), F̄ is the exact mean of the thrusts F (N) in a step. The acceleration
-q̈ (rad/s²) is that at the middle of the step:
+`predict_free_run` simulates in steps h of at most 20 ms (`integrator.mean_thrust_step`). q are the
+angles (rad), F̄ is the exact mean of the thrusts F (N) in a step. The acceleration q̈ (rad/s²) is
+that at the middle of the step:
 
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
@@ -16,50 +16,39 @@ gain K and the information w. It reduces P like a reading of variance R (P_c: co
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.ekf_quantised import propagate_covariance
 from heli3dof.model.greybox.prediction import STEP_S
-from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import mean_thrust_step, readings, setup
-from heli3dof.model.physics.rotor import thrusts
+from heli3dof.model.physics.state_layout import T
 
-R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
 """Longest step of the covariance, in units of the fastest time constant, unless more than
 `MAX_STEPS` steps would be needed. Chosen."""
 
 
-def _predict_free_run(  # type: ignore[no-untyped-def]
-    s0, first, address, par, mem0, blocks, free, t, h, V, X, starts, rows, out
-):  # fmt: skip
+@partial(compiled, error_model="numpy", nogil=True)
+def predict_free_run(  # type: ignore[no-untyped-def]
+    s0, first, address, par, mem0, blocks, free, t, V, thrust_integral, X, starts, rows, out
+):
     """Write the predicted encoder readings (rad) to ``out`` (S, H, 3).
 
     S predictions start at the rows ``starts`` (S,), from the state of that row in X (N, 6). The H
-    horizons are ``rows`` (H,) long, in rows. Both arrays ascend. A reading is NaN beyond the end of
-    a run, and infinite if the prediction diverged.
+    horizons are ``rows`` (H,) long, in rows. Both arrays ascend. ``thrust_integral`` (N + 1, 2):
+    the thrusts' time integral in each block (`prediction.impulse`). A reading is NaN beyond the end
+    of a run, and infinite if the prediction diverged.
     """
-    N = V.shape[0]
-    target, F, impulses = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
     x, w, m, slope = np.empty(6), np.zeros((3, 3)), np.empty(3), np.empty(3)
     at = 0
     for b in range(blocks.shape[0]):
         s = s0.copy()
         mem = mem0.copy()
-        axes = free[b]
+        axes, stop = free[b], blocks[b, 2]
         setup(s, first, address, par, mem)
-        lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
-        thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
-        tau = s[TAU_M]
-        for k in range(start, stop):
-            lag_s = tau * (1.0 - math.exp(-h[k] / tau)) if tau > 0.0 else 0.0
-            for i in range(2):
-                impulse = target[k, i] * h[k] + (F[k, i] - target[k, i]) * lag_s
-                if s[SLEW] > 0.0 and k + 1 < stop:
-                    impulse = 0.5 * (F[k, i] + F[k + 1, i]) * h[k]
-                impulses[k + 1, i] = impulses[k, i] + impulse
         while at < starts.shape[0] and starts[at] < stop:
             a = starts[at]
             for j in range(6):
@@ -76,7 +65,9 @@ def _predict_free_run(  # type: ignore[no-untyped-def]
                         c += 1
                     d = t[c] - t[a]
                     s[T] = t[a]
-                    mean_thrust_step(s, x, a, c, d, impulses, V, first, address, par, mem, axes, w)
+                    mean_thrust_step(
+                        s, x, a, c, d, thrust_integral, V, first, address, par, mem, axes, w
+                    )
                     a = c
                 readings(s, x, first, address, par, mem, m, slope)
                 for i in range(3):
@@ -84,10 +75,8 @@ def _predict_free_run(  # type: ignore[no-untyped-def]
             at += 1
 
 
-predict_free_run = compiled(_predict_free_run, error_model="numpy", nogil=True)
-
-
-def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
     """Propagate the covariance P (6, 6) over ``d`` seconds by `ekf_quantised.propagate_covariance`.
 
     The steps are short where a rate decays fast, as by dry friction near rest.
@@ -101,10 +90,8 @@ def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
         propagate_covariance(P, A, d / steps, a2, work)
 
 
-grow_stably = compiled(_grow_stably, error_model="numpy", nogil=True)
-
-
-def _prediction_variances(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def prediction_variances(  # type: ignore[no-untyped-def]
     blocks, free, t, h, A, slope, row, state, W, K, a2, P0, starts, rows, out
 ):
     """Write the variances (rad²) of the predicted angles to ``out``: S starts, H horizons, 3 axes.
@@ -159,6 +146,3 @@ def _prediction_variances(  # type: ignore[no-untyped-def]
                 at += 1
             if k + 1 < stop:
                 grow_stably(P, A[k], h[k], driven, work)
-
-
-prediction_variances = compiled(_prediction_variances, error_model="numpy", nogil=True)

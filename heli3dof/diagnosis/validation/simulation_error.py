@@ -31,6 +31,7 @@ filter responds to n faster than h. A slow torque that the model lacks also coun
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -41,7 +42,6 @@ from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
 from heli3dof.diagnosis.validation.gain import HORIZON_S
 from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
-    PredictionErrors,
     mean_square,
     model_errors,
     noise_of,
@@ -117,35 +117,37 @@ def simulation_error(
     The noise floor is the error that would remain if ``truth`` (default: ``model``) were the true
     model. Raises RecordingError if no row is usable.
     """
-    problem, e = model_errors(model, recordings)
+    data, e = model_errors(model, recordings)
     floor, by = floor_deg(truth or model, recordings, seed=seed)
     coloured = coloured_variance(truth or model, recordings, HORIZONS_S)
     floor = np.sqrt(floor**2 + np.degrees(1.0) ** 2 * coloured)
-    worst = _worst(problem.data, e, recordings)
-    return SimulationError(HORIZONS_S, e.rmse_deg(), floor, by, worst)
+    rmse = np.degrees(np.sqrt(mean_square(e)))
+    at_horizon = e[:, HORIZONS_S.index(HORIZON_S)]
+    return SimulationError(HORIZONS_S, rmse, floor, by, _worst(data, at_horizon, recordings))
 
 
 def _worst(
-    data: Data, prediction: PredictionErrors, recordings: Sequence[Recording]
+    data: Data, errors: np.ndarray, recordings: Sequence[Recording]
 ) -> tuple[WorstInterval, ...]:
-    errors = prediction.errors[:, prediction.horizons_s.index(HORIZON_S)]
-    worst: dict[int, WorstInterval] = {}
+    """Return the worst interval of each axis; ``errors`` (S, 3): from the starts, in rad."""
+    starts, each = starts_of(data), list[WorstInterval]()
     for run, (_, start, stop) in zip(data.runs, data.blocks, strict=True):
-        inside = (prediction.starts >= start) & (prediction.starts < stop)
-        t = data.t[prediction.starts[inside]] + HORIZON_S  # where the prediction is compared
+        inside = (starts >= start) & (starts < stop)
+        t = data.t[starts[inside]] + HORIZON_S  # where the prediction is compared
         if not inside.any():
             continue
-        last = float(data.t[stop - 1])
-        for start_s in np.arange(t[0], max(last - WORST_S, t[0]) + 1e-9, WORST_S / 3):
+        name, last = recordings[run.source].name, float(data.t[stop - 1])
+        for start_s in np.arange(t[0], max(last - WORST_S, t[0]) + 1e-9, WORST_S / 3).tolist():
             window = (t >= start_s) & (t < start_s + WORST_S)
             rmse = np.degrees(np.sqrt(mean_square(errors[inside][window])))
-            for i in (i for i in range(3) if np.isfinite(rmse[i])):
-                if i not in worst or rmse[i] > worst[i].rmse_deg:
-                    worst[i] = WorstInterval(
-                        AXES[i], recordings[run.source].name, float(start_s),
-                        float(min(start_s + WORST_S, last)), float(rmse[i]),
-                    )  # fmt: skip
-    return tuple(worst[i] for i in sorted(worst))
+            stop_s = min(start_s + WORST_S, last)
+            each += [
+                WorstInterval(a, name, start_s, stop_s, float(e))
+                for a, e in zip(AXES, rmse, strict=True)
+                if np.isfinite(e)
+            ]
+    by_axis = ([w for w in each if w.axis == a] for a in AXES)
+    return tuple(max(of_axis, key=lambda w: w.rmse_deg) for of_axis in by_axis if of_axis)
 
 
 def floor_deg(
@@ -153,23 +155,20 @@ def floor_deg(
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
 
-    The floor comes from simulated flights. If the controller is unknown, or a simulated flight has
-    no usable rows (as with an unstable model), it comes from the filter's covariance.
+    It comes from the filter's covariance if the controller is unknown, or if a simulated flight has
+    no usable rows (as with an unstable model).
     """
-    by_formula = "the filter's covariance"
-    if not controller_is_known(recordings):
-        return covariance_floor_deg(model, recordings), by_formula
 
     def simulated_mean_square(replication: int) -> np.ndarray:
         rng = np.random.default_rng([seed, 77, replication])
         simulated = [simulated_flight(model, r, rng) for r in recordings]
-        return mean_square(model_errors(model, simulated)[1].errors)
+        return mean_square(model_errors(model, simulated)[1])
 
-    try:
-        squares = parallel_map(simulated_mean_square, flights)
-    except RecordingError:
-        return covariance_floor_deg(model, recordings), by_formula
-    return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
+    if controller_is_known(recordings):
+        with suppress(RecordingError):
+            floor = np.sqrt(np.mean(parallel_map(simulated_mean_square, flights), axis=0))
+            return np.degrees(floor), f"{flights} flights of the model's own"
+    return covariance_floor_deg(model, recordings), "the filter's covariance"
 
 
 def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
@@ -191,10 +190,7 @@ def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -
         noise[:3] ** 2, P0, starts, rows, out,
     )  # fmt: skip
     rounding = np.where(d.axes, (d.grid**2).max(axis=0) / 12, np.nan)
-    finite = np.isfinite(out)
-    count = np.maximum(finite.sum(axis=0), 1)
-    mean = np.where(finite.any(axis=0), np.where(finite, out, 0.0).sum(axis=0) / count, np.nan)
-    return np.asarray(np.degrees(np.sqrt(mean + rounding)))
+    return np.asarray(np.degrees(np.sqrt(mean_square(np.sqrt(out)) + rounding)))
 
 
 def coloured_variance(
@@ -202,8 +198,7 @@ def coloured_variance(
 ) -> np.ndarray:
     """Return the variance (H, 3) rad² that coloured noise adds to predictions at H horizons.
 
-    It is (ρ − 1) a² h³/3 for each horizon h and axis. a² h³/3 is the variance with white process
-    noise of the density a², ρ the ratio by which coloured noise increases it.
+    It is (ρ − 1) a² h³/3 for each horizon h and axis.
     """
     scores = [torque_scores(model, r) for r in recordings]
     h = np.array(horizons_s)

@@ -14,6 +14,7 @@ from heli3dof.diagnosis.search.nulls import bonferroni
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
+from heli3dof.model.effects import term
 from tests.identification.known_flights import fly
 
 CABLE, NAMES = "stiffness.cable.yaw", ("stiffness.pendulum.roll", "friction.viscous.yaw")
@@ -37,7 +38,7 @@ def test_an_effect_that_the_fit_lacks_has_the_largest_score(lacking: MultiStepFi
     best, second = tests[:2]
     assert best.name == CABLE
     assert best.Z2 > bonferroni(60) > second.Z2
-    assert not any(c.probe.term.effect.formal for c in tests)
+    assert not any(term(c.name).effect.formal for c in tests)
 
 
 def test_the_score_predicts_the_cost_of_the_refit(lacking: MultiStepFit) -> None:

@@ -11,7 +11,6 @@ from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
 from heli3dof.diagnosis.free_run.cause_selection import (
     MeanTrimFit,
     NullDistance,
-    compare_halves,
     compared,
     confidence,
     contradicted,
@@ -61,16 +60,18 @@ def determined(fit: MultiStepFit, values: dict[str, float], std: float) -> Multi
 def elimination_of(
     fit: MultiStepFit, kept: dict[str, LossIncrease], gone: dict[str, LossIncrease]
 ) -> Elimination:
+    without_folds = FitWithFolds(fit, ())
     return Elimination(
         fit,
         tuple(TermResult(t, w) for t, w in kept.items()),
         tuple(TermResult(t, w) for t, w in gone.items()),
+        without_folds,
+        without_folds,
     )
 
 
 def with_halves(result: Elimination, *halves: MultiStepFit) -> Elimination:
-    folds = tuple((half, half.problem) for half in halves)
-    return replace(result, first=FitWithFolds(result.fit, folds))
+    return replace(result, first=FitWithFolds(result.fit, halves))
 
 
 def test_a_size_of_1_96_deviations_differs_from_zero_at_95_percent(flat: MultiStepFit) -> None:
@@ -195,10 +196,6 @@ def test_a_chi_square_converts_to_equally_rare_deviations(
 ) -> None:
     """χ² of one number is its square; for two numbers, 5 % lie above 5.991."""
     assert equivalent_deviation(chi2, freedom) == pytest.approx(deviations, abs=1e-3)
-
-
-def test_a_single_fit_has_no_halves() -> None:
-    assert compare_halves((), "friction.coulomb.yaw") is None
 
 
 @pytest.fixture(scope="module")
