@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,13 @@ def test_other_results_have_a_repr_of_at_most_three_lines(
         assert len(repr(result)) < 500
     assert "1 flight(s) in flights" in repr(auto)
     assert "completed" in repr(flight)
+
+
+def test_the_repr_of_a_cause_states_its_size_in_one_line(diagnosis: h3.Diagnosis) -> None:
+    (cause,) = diagnosis.findings
+    number = "[-0-9.e]+"
+    pattern = rf"Finding\(motor.lag: time_constant_s = {number} ± {number}\)"
+    assert re.fullmatch(pattern, repr(cause))
 
 
 def test_a_report_takes_what_diagnose_returns(

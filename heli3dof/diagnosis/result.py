@@ -55,6 +55,10 @@ class Finding:
     the recordings do not confirm it, or it may only compensate for an unmodelled torque
     """
 
+    def __repr__(self) -> str:
+        sizes = (f"{name} = {value:.4g} ± {std:.2g}" for name, (value, std) in self.values.items())
+        return f"Finding({self.term.name}: {', '.join(sizes)})"
+
     @property
     def term(self) -> Term:
         return self.choice.term
@@ -77,6 +81,9 @@ class Dropped:
     why: str = DOES_NOT_PAY
     choice: Choice | None = None
     """The selection step that had added it, if any"""
+
+    def __repr__(self) -> str:
+        return f"Dropped({self.name}: {self.why})"
 
 
 @dataclass(frozen=True, eq=False)
