@@ -21,7 +21,6 @@ from heli3dof.recording.mcap_files.schema import (
     MAX_CHANNELS,
     SAMPLE,
     RowFormat,
-    layouts_with,
 )
 from heli3dof.recording.recording import Recording
 
@@ -48,10 +47,9 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     """
     path = Path(path)
     check_ending(path, ".mcap")
-    rows, names, absent = encode(recording)
-    form = RowFormat(layouts_with(names))
+    form, rows, absent = encode(recording)
     with new_file(path, force=force) as stream:
-        write_rows(stream, form, rows, names, metadata(recording, absent))
+        write_rows(stream, form, rows, metadata(recording, absent))
     return path
 
 
@@ -73,12 +71,11 @@ def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any
     }
 
 
-def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return (rows, names, absent): a recording as the rows of an MCAP file.
+def encode(recording: Recording) -> tuple[RowFormat, np.ndarray, list[str]]:
+    """Return (format, rows, absent): a recording as the rows of an MCAP file.
 
-    ``rows``: structured array, see `RowFormat`. ``names``: channels without a field in the messages
-    Sample and Command. ``absent``: fields of these messages that the recording lacks. Raises
-    UsageError for more than `MAX_CHANNELS` ``names``.
+    ``rows``: structured array. ``absent``: fields of the messages Sample and Command that the
+    recording lacks. Raises UsageError for more than `MAX_CHANNELS` channels without such a field.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
     known: dict[str, np.ndarray] = {}
@@ -101,11 +98,11 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
             cause="a transposed log, with a column per sample.",
             fix="keep only the necessary columns",
         )
-    layouts = layouts_with(extra)
-    rows = RowFormat(layouts).empty(len(recording))
+    form = RowFormat(extra)
+    rows = form.empty(len(recording))
     start = int(recording.meta.get("start_ns", 0))
     since = np.rint((recording.t - min(0.0, float(recording.t[0]))) * 1e9).astype("<u8")
-    for layout in layouts:
+    for layout in form.layouts:
         part = rows[layout.name]
         part["mcap_sequence"] = np.arange(len(rows)) & 0xFFFFFFFF
         part["log_time"] = part["publish_time"] = since + np.uint64(start)
@@ -115,7 +112,7 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
             rows[layout.name][column.name] = known.get(column.name, missing)
     for number, name in enumerate(extra, 1):
         rows["Channels"][f"column{number}"] = channels[name]
-    return rows, extra, absent
+    return form, rows, absent
 
 
 def _fits(values: np.ndarray, kind: str) -> bool:

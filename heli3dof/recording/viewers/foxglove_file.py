@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.mcap_files.mcap_writer import LIBRARY, to_json
-from heli3dof.recording.mcap_files.schema import SAMPLE, layouts_with
+from heli3dof.recording.mcap_files.schema import SAMPLE
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.viewers.scene import ARM, BASE, BODY, Part, parts, poses
 from heli3dof.recording.write import encode, metadata
@@ -42,7 +42,7 @@ def foxglove_bytes(recording: Recording) -> bytes:
     """Return the bytes of an MCAP file with a recording and its three-dimensional scene."""
     from mcap.writer import Writer
 
-    rows, names, absent = encode(recording)
+    form, rows, absent = encode(recording)
     times = rows[SAMPLE.name]["log_time"].tolist()
     out = io.BytesIO()
     writer = Writer(out)
@@ -51,10 +51,9 @@ def foxglove_bytes(recording: Recording) -> bytes:
         writer.add_metadata(name, {key: to_json(value) for key, value in record.items()})
     extra = list(messages(recording, times))
     streams: list[tuple[int, list[tuple[int, bytes]]]] = []
-    for layout in layouts_with(names):
+    for layout in form.layouts:
         schema = writer.register_schema(layout.full_name, "protobuf", layout.descriptor_set)
-        about = {"columns": json.dumps(names)} if layout.name == "Channels" else {}
-        channel = writer.register_channel(layout.topic, "protobuf", schema, about)
+        channel = writer.register_channel(layout.topic, "protobuf", schema, layout.about)
         payload = rows[layout.name][list(layout.payload.names or ())].astype(layout.payload)
         records = payload.view(np.uint8).reshape(len(payload), -1)
         streams.append((channel, list(zip(times, map(bytes, records), strict=True))))

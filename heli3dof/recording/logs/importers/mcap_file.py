@@ -17,7 +17,7 @@ from mcap.records import Channel, Schema
 
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.importer import Importer, Table
-from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_layouts, scan
+from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_format, scan
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, PROFILE
 from heli3dof.recording.mcap_files.schema import SAMPLE
 from heli3dof.rig.log_columns import KNOWN
@@ -40,7 +40,7 @@ def is_foreign(path: Path) -> bool:
         if not head.startswith(MAGIC) or SAMPLE.topic.encode() in head:
             return False
         content = scan(path.read_bytes())
-        return content.whole and content.intact and our_layouts(content) is None
+        return content.whole and content.intact and our_format(content) is None
     except (OSError, Damaged):
         return False
 
