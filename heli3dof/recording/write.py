@@ -13,6 +13,7 @@ import numpy as np
 
 from heli3dof.errors import UsageError
 from heli3dof.recording.atomic_write import check_ending, new_file
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.mcap_files.flight_recorder import profile_record
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, write_rows
 from heli3dof.recording.mcap_files.schema import (
@@ -25,16 +26,8 @@ from heli3dof.recording.mcap_files.schema import (
 from heli3dof.recording.recording import Recording
 
 COLUMNS = "heli3dof.columns"
-ARRAYS: dict[str, tuple[str, ...]] = {
-    "t": ("t_s",),
-    "voltage": ("v_front_V", "v_back_V"),
-    "angle": ("roll_rad", "pitch_rad", "yaw_rad"),
-    "reference": ("roll_ref_rad", "pitch_ref_rad", "yaw_ref_rad"),
-    "voltage_cmd": ("v_front_cmd_V", "v_back_cmd_V"),
-    "voltage_extra": ("v_front_extra_V", "v_back_extra_V"),
-}
-"""Array of a `Recording` → fields of the messages that hold its columns"""
-CORE = {name for names in ARRAYS.values() for name in names}
+CORE = {"t_s", *(name for names in ARRAYS.values() for name in names)}
+"""Fields of the messages that hold the columns of a `Recording`'s arrays"""
 INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
 
 
@@ -78,11 +71,10 @@ def encode(recording: Recording) -> tuple[RowFormat, np.ndarray, list[str]]:
     recording lacks. Raises UsageError for more than `MAX_CHANNELS` channels without such a field.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
-    known: dict[str, np.ndarray] = {}
+    known: dict[str, np.ndarray] = {"t_s": recording.t}
     absent: list[str] = []
     for array, columns in ARRAYS.items():
-        values = getattr(recording, array).reshape(len(recording), -1)
-        known |= {name: values[:, i] for i, name in enumerate(columns)}
+        known |= zip(columns, getattr(recording, array).T, strict=True)
     for layout in (SAMPLE, COMMAND):
         for column in layout.columns:
             if column.name in CORE:

@@ -14,6 +14,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, nearest
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.logs.known_names import IMPORT, as_options, operand, suggest
@@ -86,30 +87,23 @@ def recording_from_table(
             "be replayed."
         )
 
-    n = len(t)
-    arrays: dict[str, Any] = {}
-    used = {"t_s"}
-    for array, form in VOLTAGES.items():
-        arrays[array] = np.full((n, 2), np.nan)
-        for i, motor in enumerate(MOTORS):
-            name = form.format(motor)
-            if name in columns:
-                arrays[array][:, i] = columns[name]
-                used.add(name)
-        if len([m for m in MOTORS if form.format(m) in columns]) == 1:
+    for form in VOLTAGES.values():
+        if sum(form.format(motor) in columns for motor in MOTORS) == 1:
             warnings.append(f"Only one of the two columns {form.format('*')} was found.")
-    for array, form in ANGLES.items():
-        arrays[array] = np.full((n, 3), np.nan)
-        for i, axis in enumerate(AXES):
-            for unit, factor in ANGLE_UNITS.items():
-                name = f"{form.format(axis)}_{unit}"
-                if name in columns:
-                    arrays[array][:, i] = columns[name] * factor
-                    used.add(name)
+    in_si: dict[str, np.ndarray] = {}
+    for name in KNOWN & columns.keys():
+        head, _, unit = name.rpartition("_")
+        own = f"{head}_rad" if unit in ANGLE_UNITS else name
+        in_si[own] = columns[name] * ANGLE_UNITS.get(unit, 1.0)
+    not_logged = np.full(len(t), np.nan)
+    arrays: dict[str, Any] = {
+        array: np.column_stack([in_si.get(name, not_logged) for name in names])
+        for array, names in ARRAYS.items()
+    }
     warnings += log_validation.hidden_timing_warnings(
         t, arrays["angle"], profile.encoder.rad_per_count
     )
-    channels = {name: values for name, values in columns.items() if name not in used}
+    channels = {name: values for name, values in columns.items() if name not in KNOWN}
     about = {**meta, "warnings": [*meta.get("warnings", []), *warnings]}
     return Recording(t=t, profile=profile, channels=channels, meta=about, **arrays)
 

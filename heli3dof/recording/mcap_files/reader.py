@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 
 from heli3dof.errors import ProfileError, RecordingError, quoted
 from heli3dof.file_kind import other_file
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.logs.importers import endings
 from heli3dof.recording.mcap_files.mcap_scan import (
@@ -33,7 +34,7 @@ from heli3dof.recording.mcap_files.mcap_scan import (
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, OUTCOME, PROFILE, PROVENANCE
 from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat
 from heli3dof.recording.recording import Recording, output_voltage
-from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
+from heli3dof.recording.write import COLUMNS, CORE
 from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
 
@@ -209,9 +210,7 @@ def decode(
         if c.name not in (absent or ())
     }
     arrays: dict[str, Any] = {
-        array: np.column_stack([column[name] for name in names])
-        for array, names in ARRAYS.items()
-        if array != "t"
+        array: np.column_stack([column[name] for name in names]) for array, names in ARRAYS.items()
     }
     if "v_front_sent_V" in column:
         sent = np.column_stack([column["v_front_sent_V"], column["v_back_sent_V"]])
