@@ -40,13 +40,13 @@ def demo(out: Output, seed: Seed = 1) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import new_folder, unused
+    from heli3dof.recording.atomic_write import default_output, new_folder
     from heli3dof.report.figures.diagnosis_data import figure_data
     from heli3dof.report.pages.flight_report import Diagnosed, flight_report
     from heli3dof.report.pages.html import write_page
     from heli3dof.report.text.identification_tables import parameters_table
 
-    folder = new_folder(unused(FOLDER), fix="cd to a folder of your own")
+    folder = new_folder(default_output(FOLDER, force=False), fix="cd to a folder of your own")
     out.note(
         "The emulated rig has two effects that the simulation lacks. The demo has to find them.\n"
         f"All files go to {folder}/"

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
-from heli3dof.errors import UsageError
+from heli3dof.errors import UsageError, listed
 from heli3dof.recording.columns import ARRAYS, export_columns, unit_of
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
@@ -82,12 +82,11 @@ class Recording(Result):
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.controller_is_known else ", controller unknown"
         names = sorted(self.channels)
-        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return (
             f"Recording {self.name!r}: {len(self)} samples, {rate}{ended}\n"
             f"  axes: {', '.join(self.axes) or 'none'}; references: "
             f"{', '.join(references) or 'none'}; profile: {self.profile.name}{known}\n"
-            f"  channels: {', '.join(names[:LISTED]) or 'none'}{more}"
+            f"  channels: {listed(names, LISTED) or 'none'}"
         )
 
     def to_dataframe(self) -> pandas.DataFrame:

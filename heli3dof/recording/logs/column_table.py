@@ -6,14 +6,14 @@ radians.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
-from heli3dof.errors import RecordingError, nearest
+from heli3dof.errors import RecordingError, listed, nearest
 from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
@@ -55,7 +55,7 @@ def recording_from_table(
         raise RecordingError(
             f"{table.source} has no angle column.",
             cause="only voltages were logged, or the angles have other names "
-            f"(its columns: {_listed(columns)}).",
+            f"(its columns: {listed(columns, LISTED)}).",
             fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
     known = {name: columns[name] for name in sorted(KNOWN & columns.keys())}
@@ -121,7 +121,7 @@ def check_names(table: Table, rate_hz: float) -> None:
         raise RecordingError(
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
-            cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
+            cause=f"the logging program named it otherwise; its columns: {listed(names, LISTED)}.",
             fix=_map_options(table, f"{missing[0]}={expression}"),
         )
     for form in ANGLES.values():
@@ -155,9 +155,3 @@ def _map_options(table: Table, example: str) -> str:
         f"{IMPORT} --map '{example}', with names of the log's columns, such as "
         "(Vs-Vd)/2 or 57.3*x[5]"
     )
-
-
-def _listed(names: Iterable[str]) -> str:
-    every = list(names)
-    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
-    return ", ".join(every[:LISTED]) + more

@@ -158,10 +158,7 @@ def _read(
         return replace(table, columns=_numeric(table.columns))
     except (Heli3dofError, OSError):
         raise
-    except (
-        Exception,
-        SystemExit,
-    ) as error:  # KeyError, struct.error …
+    except (Exception, SystemExit) as error:  # KeyError, struct.error …
         raise RecordingError(
             f"{path} cannot be read by the importer {importer.name}: "
             f"{type(error).__name__}: {error}",

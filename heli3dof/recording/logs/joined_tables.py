@@ -70,11 +70,10 @@ def join(tables: Sequence[Table]) -> Table:
     warnings = [f"{table.source}: {w}" for table in tables for w in table.warnings]
     seen = Counter(name for table in tables for name in table.columns)
     for table in tables:
-        n = _length(table)
-        if "t_s" not in table.columns and n != _length(first):
+        n = len(table)
+        if "t_s" not in table.columns and n != len(first):
             named = (
-                f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples"
-                for t in (first, table)
+                f"{next(iter(t.columns))} in {t.source}: {len(t)} samples" for t in (first, table)
             )
             raise RecordingError(
                 f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
@@ -99,7 +98,7 @@ def join(tables: Sequence[Table]) -> Table:
             is_clock = name in ("t_s", table.origins.get("t_s"))
             if is_clock and table is not first:
                 continue
-            own = name if is_clock or seen[name] == 1 else f"{_stem(table)}.{name}"
+            own = name if is_clock or seen[name] == 1 else f"{stem(Path(table.source))}.{name}"
             if own in columns:
                 raise RecordingError(
                     f"Two signals are named {own}.",
@@ -183,11 +182,3 @@ def _signals(table: Table) -> str:
     names = [name for name in table.columns if name not in ("t_s", table.origins.get("t_s"))]
     more = ", …" if len(names) > NAMED else ""
     return f"{', '.join(names[:NAMED])}{more} in {table.source}"
-
-
-def _length(table: Table) -> int:
-    return len(next(iter(table.columns.values())))
-
-
-def _stem(table: Table) -> str:
-    return stem(Path(table.source))

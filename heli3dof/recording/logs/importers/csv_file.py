@@ -153,7 +153,7 @@ def _header_line(lines: list[str]) -> int:
 
 
 def _mostly_numbers(row: list[str]) -> bool:
-    return 2 * sum(_is_number(cell.replace(",", ".")) for cell in row) > len(row)
+    return 2 * sum(_is_number(cell) for cell in row) > len(row)
 
 
 def _separator(line: str) -> str:
@@ -165,7 +165,7 @@ def _separator(line: str) -> str:
 def _header(path: Path, line: str) -> tuple[str, list[str]]:
     separator = _separator(line)
     names = [name.strip().strip("\"'").strip() for name in _cells(line, separator)]
-    numeric = [_is_number(name.replace(",", ".")) for name in names]
+    numeric = [_is_number(name) for name in names]
     if names and all(numeric):
         raise RecordingError(
             f"{path} has no header line; its first line starts with the number {names[0]}.",
@@ -224,7 +224,7 @@ def _fast(body: list[str], separator: str, names: list[str]) -> dict[str, np.nda
 def _units(body: list[str], separator: str, count: int) -> list[str]:
     """Return the ``count`` units in the first line below the header; [] if it contains none."""
     units = [cell.strip() for cell in _cells(body[0], separator)] if len(body) > 1 else []
-    is_text = len(units) == count and not any(_is_number(u.replace(",", ".")) for u in units)
+    is_text = len(units) == count and not any(_is_number(u) for u in units)
     if not is_text or all(u.lower() in EMPTY for u in units):
         return []
     return units if _mostly_numbers(_cells(body[1], separator)) else []
@@ -331,7 +331,7 @@ def _ragged(
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        float(text.replace(",", "."))
     except ValueError:
         return False
     return True

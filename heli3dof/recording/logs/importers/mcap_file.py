@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from mcap.records import Channel, Schema
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, listed
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_format, scan
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, PROFILE
@@ -28,6 +28,8 @@ VOLTAGES = {"v_front_V", "v_back_V"}
 HEAD_BYTES = 1 << 16
 """Number of bytes that `is_foreign` reads first. In heli3dof's own files they contain its topics,
 so that the rest need not be read."""
+LISTED = 12
+"""Largest number of topics in a message"""
 
 
 def is_foreign(path: Path) -> bool:
@@ -199,11 +201,11 @@ def _protobuf_decoder(schema: Schema) -> Decoder:
 
 
 def _topics(content: Scan) -> str:
-    listed = [
+    topics = (
         f"{c.topic} ({getattr(content.schemas.get(c.schema_id), 'name', '') or c.message_encoding})"
         for c in content.channels.values()
-    ]
-    return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
+    )
+    return listed(topics, LISTED)
 
 
 IMPORTER = Importer("MCAP", (".mcap",), read, recognises=is_foreign, carries_profile=True)
