@@ -21,7 +21,7 @@ from heli3dof.cli.options import (
     Seed,
     rig_profile,
 )
-from heli3dof.cli.output import INTERRUPTED, Output, print_error, stages, verb
+from heli3dof.cli.output import INTERRUPTED, Output, stages, verb
 from heli3dof.cli.progress import fly_with_progress
 from heli3dof.cli.renamed_options import renamed
 from heli3dof.errors import Heli3dofError, UsageError, minus
@@ -130,7 +130,7 @@ def fly(
         flight.raise_if_cut_short()
     except Heli3dofError as error:
         # On stderr only: the JSON document of the flight already contains the outcome.
-        print_error(error, as_json=False)
+        Output().print_error(error)
         raise typer.Exit(error.exit_code) from None
 
 
