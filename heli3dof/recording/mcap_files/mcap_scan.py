@@ -7,6 +7,7 @@ bytes, `scan` continues at the next chunk whose checksum is right.
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 import struct
@@ -351,13 +352,11 @@ def what_is(data: bytes) -> str:
             return name
     if data.startswith(MAGIC[:5]):
         return "an incomplete MCAP file, or one of another version"
+    head = data[:4096]
     try:
-        text = data[:4096].decode("utf-8-sig", errors="strict")
-    except UnicodeDecodeError as error:
-        if error.start < len(data[:4096]) - 4:
-            text = data[:4096].decode("latin-1")
-        else:
-            text = data[: error.start].decode("utf-8-sig")
+        text = codecs.getincrementaldecoder("utf-8-sig")().decode(head)  # may end in a character
+    except UnicodeDecodeError:
+        text = head.decode("latin-1")
     if _CONTROL.search(text):
         return "a binary file of an unknown kind"
     line = text.split("\n", 1)[0]
