@@ -104,11 +104,8 @@ def demo(out: Output, seed: Seed = 1) -> None:
 
 
 def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
-    from heli3dof.cli.progress import fly_with_progress
+    from heli3dof.cli.run import fly_one
     from heli3dof.rig.profile import default_profile
 
-    out.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
     device = f"mock:?speed=max&seed={seed}&start={start}&hide={HIDDEN}"
-    flight = fly_with_progress(out, plan, default_profile(), device, seed, path)
-    flight.raise_if_cut_short()
-    return flight.recording
+    return fly_one(out, plan, device, default_profile(), path, seed, ", faster than real time")

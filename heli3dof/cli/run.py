@@ -154,7 +154,7 @@ def _fly_auto(
         budget_min=budget_min,
         quick=quick,
         seed=seed,
-        fly=lambda plan, path, seed: _fly_one(out, plan, device, profile, path, seed),
+        fly=lambda plan, path, seed: fly_one(out, plan, device, profile, path, seed),
         diagnosing=lambda: stages(out),
         each=out.show,
     )
@@ -191,10 +191,11 @@ def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
     }
 
 
-def _fly_one(
-    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int
+def fly_one(
+    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int, how: str = ""
 ) -> Recording:
-    out.note(f"Flying {plan.name}, {plan.duration_s:g} s …")
+    """Fly a plan as one of several, and return its recording; ``how``: an addition to the note."""
+    out.note(f"Flying {plan.name}, {plan.duration_s:g} s{how} …")
     flight = fly_with_progress(out, plan, profile, device, seed, path)
     flight.raise_if_cut_short()
     return flight.recording

@@ -19,6 +19,7 @@ from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENAN
 from heli3dof.recording.mcap_files.schema import (
     COMMAND,
     FORMAT,
+    KINDS,
     MAX_CHANNELS,
     SAMPLE,
     RowFormat,
@@ -28,7 +29,6 @@ from heli3dof.recording.recording import Recording
 COLUMNS = "heli3dof.columns"
 CORE = {"t_s", *(name for names in ARRAYS.values() for name in names)}
 """Fields of the messages that hold the columns of a `Recording`'s arrays"""
-INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
@@ -110,5 +110,6 @@ def encode(recording: Recording) -> tuple[RowFormat, np.ndarray, list[str]]:
 def _fits(values: np.ndarray, kind: str) -> bool:
     if kind == "double":
         return True
-    low, high = INTEGER_RANGE[kind]
-    return bool(((values >= low) & (values <= high) & (values == np.floor(values))).all())
+    limits = np.iinfo(KINDS[kind][2])
+    inside = (values >= limits.min) & (values <= limits.max)
+    return bool((inside & (values == np.floor(values))).all())

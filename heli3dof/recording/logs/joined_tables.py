@@ -7,7 +7,7 @@ averaged over the interval of each row (`lower_rate`).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,16 +35,16 @@ NAMED = 2
 """Largest number of signals of a file that a message names"""
 
 
-def with_clock(table: Table) -> Table:
-    """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock.
+def clock_of(names: Iterable[str]) -> str | None:
+    """Return the one of ``names`` that comes first in `CLOCK_NAMES`; None if there is none."""
+    lower = {name.lower(): name for name in reversed(list(names))}
+    return next((lower[clock] for clock in CLOCK_NAMES if clock in lower), None)
 
-    The clock is the first of `CLOCK_NAMES` that is a column.
-    """
-    if "t_s" in table.columns:
-        return table
-    lower = {name.lower(): name for name in reversed(list(table.columns))}
-    name: str | None = next((lower[clock] for clock in CLOCK_NAMES if clock in lower), None)
-    if name is None:
+
+def with_clock(table: Table) -> Table:
+    """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock."""
+    name = clock_of(table.columns)
+    if name is None or "t_s" in table.columns:
         return table
     columns = {"t_s": table.columns[name], **table.columns}
     return replace(table, columns=columns, origins={**table.origins, "t_s": name})

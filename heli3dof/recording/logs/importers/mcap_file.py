@@ -179,17 +179,7 @@ def _protobuf_decoder(schema: Schema) -> Decoder:
 
     files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
     pool = descriptor_pool.DescriptorPool()
-    waiting = {file.name: file for file in files.file}
-
-    def add(name: str) -> None:
-        file = waiting.pop(name, None)
-        if file is not None:
-            for needed in file.dependency:
-                add(needed)
-            pool.Add(file)
-
-    for name in list(waiting):
-        add(name)
+    message_factory.GetMessages(files.file, pool)  # adds each file after those that it needs
     kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
     fields = [field.name for field in kind.DESCRIPTOR.fields]
 
