@@ -287,8 +287,7 @@ def _show(
         out.show(f"The first failure: {batch.first_failure}")
     for recording, each in shares.items():
         out.show(_share_table(recording, each))
-    for table in batch.tables:
-        out.note(f"Table: {table}")
+    out.note(*(f"Table: {table}" for table in batch.tables))
     out.emit(
         {
             "schema": "heli3dof.batch/1",

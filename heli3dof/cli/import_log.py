@@ -101,8 +101,7 @@ def import_log(
         name_files(error, logs, profile, output, given)
         raise
     about = summary(recording)
-    for warning in about["warnings"]:
-        out.warn(warning)
+    out.warn(*about["warnings"])
     if output is None:
         out.note(f"Nothing was written. To write the recording: -o {quoted(recording.name)}.mcap")
     else:

@@ -70,19 +70,22 @@ class Output:
             for each in results:
                 self.out.print(each, soft_wrap=isinstance(each, str))
 
-    def note(self, text: str) -> None:
-        """Print a sentence on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
+    def note(self, *texts: str) -> None:
+        """Print sentences on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
         if not self.quiet:
-            self.err.print(text, soft_wrap=True)
+            for text in texts:
+                self.err.print(text, soft_wrap=True)
 
-    def warn(self, text: str) -> None:
-        """Print "Warning: " and the sentence ``text`` on stderr, even with ``--quiet``."""
-        text = with_options(text, self.arguments)
-        self.err.print(f"Warning: {text}", soft_wrap=True, style="yellow")
+    def warn(self, *texts: str) -> None:
+        """Print each sentence after "Warning: " on stderr, even with ``--quiet``."""
+        for text in texts:
+            warning = f"Warning: {with_options(text, self.arguments)}"
+            self.err.print(warning, soft_wrap=True, style="yellow")
 
-    def fail(self, text: str) -> None:
-        """Print the error message ``text`` on stderr, even with ``--quiet``."""
-        self.err.print(text, soft_wrap=True, style="bold red")
+    def fail(self, *texts: str) -> None:
+        """Print error messages on stderr, even with ``--quiet``."""
+        for text in texts:
+            self.err.print(text, soft_wrap=True, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
         """If ``--json`` is given, print ``document`` on stdout as JSON, with NaN as null."""

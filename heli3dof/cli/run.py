@@ -218,12 +218,10 @@ def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int
     if is_private(url):  # an emulated rig, whose options are checked when it is opened
         load_driver(url.scheme).open(url, profile).close()
     signals = prepare(plan, profile, seed)
-    for warning in signals.warnings(profile):
-        out.warn(warning)
+    out.warn(*signals.warnings(profile))
     out.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
     out.show("The plan stays within the limits, and the gain stabilises the hover model.")
-    for line in plan.summary():
-        out.show(minus(f"  {line}"))
+    out.show(*(minus(f"  {line}") for line in plan.summary()))
     out.emit(
         {
             "schema": "heli3dof.dry_run/1",
@@ -242,8 +240,7 @@ def _show_flight(out: Output, flight: Flight) -> None:
     from heli3dof.recording.info import flight_warnings
 
     out.show(flight_table(flight))
-    for warning in flight_warnings(flight.recording):
-        out.warn(warning)
+    out.warn(*flight_warnings(flight.recording))
     advice = realtime_advice(flight.outcome)
     if advice:
         out.note(advice)
