@@ -19,9 +19,10 @@ def main() -> None:
         command_line()
     except KeyboardInterrupt as error:  # outside a verb, which handles its own interruption
         ignore_signals()
-        from heli3dof.cli.output import INTERRUPTED, Output, print_interruption
+        from heli3dof.cli.output import INTERRUPTED, Output
 
-        print_interruption(error, as_json="--json" in sys.argv and not Output.has_emitted)
+        as_json = "--json" in sys.argv and not Output.has_emitted
+        Output(as_json=as_json).print_interruption(error)
         sys.exit(INTERRUPTED)
 
 

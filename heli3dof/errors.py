@@ -106,6 +106,17 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return "known: " + ", ".join(sorted(known))
 
 
+def listed(names: Iterable[str], most: int) -> str:
+    """Return the first ``most`` names for a message, and how many further ones there are.
+
+    >>> listed(["t", "Vs", "Vd"], 2), listed(["t"], 2)
+    ('t, Vs and 1 more', 't')
+    """
+    every = list(names)
+    further = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(every[:most]) + further
+
+
 def quoted(word: object) -> str:
     """Return a path or name as one word of a shell command in a message, in quotes if need be.
 

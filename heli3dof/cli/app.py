@@ -56,8 +56,7 @@ class Verbs(TyperGroup):
                 raise cause from None
             if isinstance(error, ParserError):
                 where, out = getattr(error, "ctx", None), Output(as_json="--json" in words)
-                for hint in self._hints(error, words):
-                    out.note(hint)
+                out.note(*self._hints(error, words))
                 out.emit_error(
                     error.format_message(),
                     "an option or an argument is misspelt, missing or out of range.",

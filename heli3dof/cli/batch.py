@@ -287,8 +287,7 @@ def _show(
         out.show(f"The first failure: {batch.first_failure}")
     for recording, each in shares.items():
         out.show(_share_table(recording, each))
-    for table in batch.tables:
-        out.note(f"Table: {table}")
+    out.note(*(f"Table: {table}" for table in batch.tables))
     out.emit(
         {
             "schema": "heli3dof.batch/1",
@@ -323,11 +322,19 @@ def _share_table(recording: str, shares: Sequence[NamedShare]) -> Grid:
 @contextmanager
 def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
     """Context manager: yields a function that displays progress and time left of batch ``name``."""
-    if out.quiet:
-        yield lambda batch: None
-        return
-    if not live_allowed():
-        yield _Lines(out, name)
+    if out.quiet or not live_allowed():
+        start = printed_at = time.monotonic()
+
+        def print_line(batch: Batch) -> None:
+            nonlocal printed_at
+            now = time.monotonic()
+            if now - printed_at >= LINE_EVERY_S and batch.done:
+                printed_at = now
+                left_min = (now - start) / batch.done * batch.left / 60
+                done = f"{batch.kept + batch.done} of {batch.total}"
+                out.note(f"{name}: {done}, {left_min:.1f} min left")
+
+        yield print_line
         return
     from rich.progress import (
         BarColumn,
@@ -347,21 +354,3 @@ def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
             bars.update(bar, total=batch.total - batch.kept, completed=batch.done)
 
         yield update
-
-
-class _Lines:
-    """Prints a line of progress every `LINE_EVERY_S` seconds."""
-
-    def __init__(self, out: Output, name: str) -> None:
-        self._out, self._name = out, name
-        self._start = self._printed_at = time.monotonic()
-
-    def __call__(self, batch: Batch) -> None:
-        now = time.monotonic()
-        if now - self._printed_at < LINE_EVERY_S or not batch.done:
-            return
-        self._printed_at = now
-        left_min = (now - self._start) / batch.done * batch.left / 60
-        self._out.note(
-            f"{self._name}: {batch.kept + batch.done} of {batch.total}, {left_min:.1f} min left"
-        )

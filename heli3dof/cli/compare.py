@@ -92,8 +92,7 @@ def compare(
     supplied = are_supplied(recordings)
     shown = published if paper or (verbose and supplied) else ()
     show_comparison(out, comparison, shown, paper=paper or supplied, verbose=verbose)
-    for warning in comparison.warnings:
-        out.warn(warning)
+    out.warn(*comparison.warnings)
     unknown = [r for r in recordings if r.profile.controller is None]
     if not identify_controller and any(r.has_reference(a) for r in unknown for a in r.axes):
         out.note("To replay logs without [controller] in closed loop, add --identify-controller")

@@ -40,13 +40,13 @@ def demo(out: Output, seed: Seed = 1) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import new_folder, unused
+    from heli3dof.recording.atomic_write import default_output, new_folder
     from heli3dof.report.figures.diagnosis_data import figure_data
     from heli3dof.report.pages.flight_report import Diagnosed, flight_report
     from heli3dof.report.pages.html import write_page
     from heli3dof.report.text.identification_tables import parameters_table
 
-    folder = new_folder(unused(FOLDER), fix="cd to a folder of your own")
+    folder = new_folder(default_output(FOLDER, force=False), fix="cd to a folder of your own")
     out.note(
         "The emulated rig has two effects that the simulation lacks. The demo has to find them.\n"
         f"All files go to {folder}/"
@@ -104,11 +104,8 @@ def demo(out: Output, seed: Seed = 1) -> None:
 
 
 def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
-    from heli3dof.cli.progress import fly_with_progress
+    from heli3dof.cli.run import fly_one
     from heli3dof.rig.profile import default_profile
 
-    out.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
     device = f"mock:?speed=max&seed={seed}&start={start}&hide={HIDDEN}"
-    flight = fly_with_progress(out, plan, default_profile(), device, seed, path)
-    flight.raise_if_cut_short()
-    return flight.recording
+    return fly_one(out, plan, device, default_profile(), path, seed, ", faster than real time")

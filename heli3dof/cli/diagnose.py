@@ -158,8 +158,7 @@ def _end_with_bad_data(out: Output, document: Mapping[str, Any]) -> NoReturn:
     from heli3dof.report.text.diagnosis_summary import faults
 
     if out.quiet:
-        for sentence in faults(document):
-            out.fail(sentence)
+        out.fail(*faults(document))
     raise typer.Exit(RecordingError.exit_code)
 
 

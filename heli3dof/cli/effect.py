@@ -128,8 +128,7 @@ def check(
     else:
         checked = effects().get(effect) or term(effect).effect
     found = problems(checked, named_plans())
-    for problem in found:
-        out.fail(problem)
+    out.fail(*found)
     if not found:
         out.show(f"{checked.name}: units, equation and names are in order.")
     out.emit({"schema": "heli3dof.effect_check/1", "effect": checked.name, "problems": found})

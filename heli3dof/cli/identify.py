@@ -117,8 +117,7 @@ def _show(out: Output, result: Identification, *, verbose: bool) -> None:
                 f"{len(vague)} parameters are not identifiable from these recordings: "
                 f"{', '.join(vague)}. More: --verbose"
             )
-    for warning in warnings:
-        out.warn(warning)
+    out.warn(*warnings)
 
 
 def _write_report(

@@ -86,8 +86,8 @@ def import_log(
         )
     if there:
         check_outputs(output, force=force, inputs=logs)
-    log = read_log(logs, rig_profile(profile), columns, given, rate)
-    found = preview(log.table)
+    table = read_log(logs, rig_profile(profile), columns, given, rate)
+    found = preview(table)
     out.show(*_lines(found))
     if given and output is None:
         out.show(
@@ -96,13 +96,12 @@ def import_log(
             *(f"{name} = {literal(expression)}" for name, expression in given.items()),
         )
     try:
-        recording = recording_of(log)
+        recording = recording_of(logs, table)
     except RecordingError as error:
         name_files(error, logs, profile, output, given)
         raise
     about = summary(recording)
-    for warning in about["warnings"]:
-        out.warn(warning)
+    out.warn(*about["warnings"])
     if output is None:
         out.note(f"Nothing was written. To write the recording: -o {quoted(recording.name)}.mcap")
     else:

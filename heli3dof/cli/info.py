@@ -47,8 +47,7 @@ def info(
     flight, about = read_with_info(recording, log_profile(profile), columns)
     # Metrics need at least two samples, and time stamps that increase.
     metrics = flight_metrics(flight) if about["timing"] else {}
-    for warning in about["warnings"]:
-        out.warn(warning)
+    out.warn(*about["warnings"])
     out.show(info_table(about, brief=not verbose))
     _show_steps(out, metrics, most=None if verbose else MOST_STEPS)
     if about["torn"]:

@@ -7,8 +7,8 @@ the rig and reads it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -46,8 +46,7 @@ def monitor(
     from heli3dof.cli.monitor_state import MonitorState
 
     state = MonitorState()
-    with ExitStack() as stack:
-        read, about = _source(out, device, profile, stack)
+    with _source(out, device, profile) as (read, about):
         interrupted = False
         try:
             _show_readings(out, read, state, seconds)
@@ -58,13 +57,14 @@ def monitor(
         raise typer.Exit(INTERRUPTED)
 
 
+@contextmanager
 def _source(
-    out: Output, device: str | None, profile_file: Path | None, stack: ExitStack
-) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
-    """Return a function that reads the rig, and entries for the JSON document of ``monitor``.
+    out: Output, device: str | None, profile_file: Path | None
+) -> Iterator[tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]]:
+    """Context manager: yield a function that reads the rig, and entries of the JSON document.
 
     If another process uses the rig, it supplies the readings; the function returns None once that
-    process has ended. Otherwise the rig is opened here, and ``stack`` closes it.
+    process has ended. Otherwise the rig is open in the block.
     """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
@@ -79,20 +79,21 @@ def _source(
             # A process that does not answer may recover: return empty readings until it ends.
             return {} if reported is None and lives(session) else reported
 
-        return read_session, about
+        yield read_session, about
+        return
     url = device_or_default(out, device)
     profile = rig_profile(profile_file)
-    rig = stack.enter_context(open_rig(url, profile))
-    if rig.rest.note:
-        out.warn(rig.rest.note)
-    out.note(f"{url}: {rig.identity.model}, serial {rig.identity.serial}; not armed")
+    with open_rig(url, profile) as rig:
+        if rig.rest.note:
+            out.warn(rig.rest.note)
+        out.note(f"{url}: {rig.identity.model}, serial {rig.identity.serial}; not armed")
 
-    def read_rig() -> dict[str, Any]:
-        start = time.monotonic()
-        rig.read()
-        return {**state_of(rig, profile), "answer_s": time.monotonic() - start}
+        def read_rig() -> dict[str, Any]:
+            start = time.monotonic()
+            rig.read()
+            return {**state_of(rig, profile), "answer_s": time.monotonic() - start}
 
-    return read_rig, {"device": url, "pid": None, "doing": None}
+        yield read_rig, {"device": url, "pid": None, "doing": None}
 
 
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
@@ -120,8 +121,7 @@ def _show_readings(
 
     due = time.monotonic()
     end = None if seconds is None else due + seconds
-    show, close = _display(out, state)
-    try:
+    with _display(out, state) as show:
         while True:
             reading = read()
             if reading is None:
@@ -133,26 +133,23 @@ def _show_readings(
             if end is not None and due > end:
                 return
             wait_until(due)
-    finally:
-        close()
 
 
-def _display(out: Output, state: MonitorState) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Return two functions: one displays the monitored ``state``, the other ends the display.
+@contextmanager
+def _display(out: Output, state: MonitorState) -> Iterator[Callable[[], None]]:
+    """Context manager: yield a function that displays the monitored ``state``.
 
     A terminal shows moving traces, a file gets lines of text, and ``--quiet`` shows nothing.
     """
-    if out.quiet:
-        return (lambda: None), (lambda: None)
-    if not live_allowed():
+    if out.quiet or not live_allowed():
 
         def line() -> None:
             if state.readings % READINGS_PER_LINE == 1:
                 out.note(state.line())
 
-        return line, (lambda: None)
+        yield line
+        return
     from rich.live import Live
 
-    live = Live(console=out.err, auto_refresh=False, transient=False)
-    live.start()
-    return (lambda: live.update(state.screen(out.err), refresh=True)), live.stop
+    with Live(console=out.err, auto_refresh=False, transient=False) as live:
+        yield lambda: live.update(state.screen(out.err), refresh=True)

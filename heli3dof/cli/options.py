@@ -117,9 +117,9 @@ Cluster = Annotated[
 
 def rig_profile(file: Path | None) -> Profile:
     """Return a rig's profile from the file of ``--profile``; None gives the paper's rig."""
-    from heli3dof.rig.profile import default_profile, load_profile
+    from heli3dof.rig.profile import default_profile
 
-    return load_profile(file) if file else default_profile()
+    return log_profile(file) or default_profile()
 
 
 def log_profile(file: Path | None) -> Profile | None:

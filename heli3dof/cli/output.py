@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from heli3dof.cli.options import AsJson, Quiet
-from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
-from heli3dof.errors import Heli3dofError, NoSpace, UsageError, quoted
+from heli3dof.cli.output_encoding import is_ascii_or_utf, lost_output, printable
+from heli3dof.errors import Heli3dofError, UsageError, quoted
 from heli3dof.json_values import jsonable
 from heli3dof.write_errors import FULL, refusal
 
@@ -70,19 +70,22 @@ class Output:
             for each in results:
                 self.out.print(each, soft_wrap=isinstance(each, str))
 
-    def note(self, text: str) -> None:
-        """Print a sentence on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
+    def note(self, *texts: str) -> None:
+        """Print sentences on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
         if not self.quiet:
-            self.err.print(text, soft_wrap=True)
+            for text in texts:
+                self.err.print(text, soft_wrap=True)
 
-    def warn(self, text: str) -> None:
-        """Print "Warning: " and the sentence ``text`` on stderr, even with ``--quiet``."""
-        text = with_options(text, self.arguments)
-        self.err.print(f"Warning: {text}", soft_wrap=True, style="yellow")
+    def warn(self, *texts: str) -> None:
+        """Print each sentence after "Warning: " on stderr, even with ``--quiet``."""
+        for text in texts:
+            warning = f"Warning: {with_options(text, self.arguments)}"
+            self.err.print(warning, soft_wrap=True, style="yellow")
 
-    def fail(self, text: str) -> None:
-        """Print the error message ``text`` on stderr, even with ``--quiet``."""
-        self.err.print(text, soft_wrap=True, style="bold red")
+    def fail(self, *texts: str) -> None:
+        """Print error messages on stderr, even with ``--quiet``."""
+        for text in texts:
+            self.err.print(text, soft_wrap=True, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
         """If ``--json`` is given, print ``document`` on stdout as JSON, with NaN as null."""
@@ -93,6 +96,24 @@ class Output:
                 text = json.dumps(plain, indent=2, allow_nan=False)
             Output.has_emitted = True
             print(text)
+
+    def print_error(self, error: Heli3dofError) -> None:
+        """Print what happened, likely cause and fix on stderr; with ``--json`` also as JSON."""
+        what, cause, fix = (
+            with_options(text, self.arguments) for text in (error.what, error.cause, error.fix)
+        )
+        self.err.print(f"Error: {what}", soft_wrap=True, style="bold red")
+        if cause:
+            self.err.print(f"Likely cause: {cause}", soft_wrap=True)
+        if fix:
+            self.err.print(f"Try: {fix}", soft_wrap=True)
+        self.emit_error(what, cause, fix, error.exit_code)
+
+    def print_interruption(self, error: KeyboardInterrupt) -> None:
+        """Print on stderr why the command was stopped; with ``--json`` also as JSON."""
+        why = str(error) or "stopped with Ctrl-C"
+        self.warn(why)
+        self.emit_error(f"The command was {why}.", exit_code=INTERRUPTED)
 
     def emit_error(self, what: str, cause: str = "", fix: str = "", exit_code: int = 1) -> None:
         """If ``--json`` is given, print the JSON document of an error on stdout."""
@@ -110,14 +131,8 @@ class Output:
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
         """Context manager: show ``text`` with a spinner; without a terminal, print it as a line."""
-        if self.quiet or not live_allowed():
-            if not self.quiet:
-                self.note(text)
-            yield
-            return
-        from rich.text import Text
-
-        with self.err.status(Text(text)):
+        with stages(self) as stage:
+            stage(text)
             yield
 
 
@@ -168,31 +183,21 @@ def verb(function: Callable[..., None]) -> Callable[..., None]:
         out = Output(as_json=as_json, quiet=quiet, arguments=[p.name for p in parameters])
         try:
             function(out, *args, **options)
-        except Heli3dofError as error:
-            print_error(error, as_json=as_json, arguments=out.arguments)
-            raise typer.Exit(error.exit_code) from None
+        except typer.Exit:
+            raise
         except KeyboardInterrupt as error:
-            print_interruption(error, as_json=as_json)
+            out.print_interruption(error)
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
             # The reader of stdout ended first, as `head` does.
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115
             raise typer.Exit(0) from None
         except Exception as error:
-            if isinstance(error, typer.Exit):
+            explained = _explained(error)
+            if explained is None:
                 raise
-            if isinstance(error, OSError) and (explained := _explain_os_error(error)) is not None:
-                print_error(explained, as_json=as_json)
-                raise typer.Exit(explained.exit_code) from None
-            if os.environ.get(TRACEBACK):
-                raise
-            fault = Heli3dofError(
-                f"heli3dof failed: {type(error).__name__}: {error}",
-                cause="an internal error (a bug in heli3dof).",
-                fix=f"run it again with {TRACEBACK}=1, and report the traceback",
-            )
-            print_error(fault, as_json=as_json)
-            raise typer.Exit(fault.exit_code) from error
+            out.print_error(explained)
+            raise typer.Exit(explained.exit_code) from error
 
     _, *parameters = inspect.signature(function, eval_str=True).parameters.values()
     last = [p for p in parameters if p.name == "verbose"]
@@ -226,6 +231,21 @@ def _common_options(as_json: AsJson = False, quiet: Quiet = False) -> None:
 COMMON = tuple(inspect.signature(_common_options, eval_str=True).parameters.values())
 
 
+def _explained(error: Exception) -> Heli3dofError | None:
+    """Return the error to print; None for a bug whose traceback `TRACEBACK` requests."""
+    if isinstance(error, Heli3dofError):
+        return error
+    if isinstance(error, OSError) and (known := _explain_os_error(error)) is not None:
+        return known
+    if os.environ.get(TRACEBACK):
+        return None
+    return Heli3dofError(
+        f"heli3dof failed: {type(error).__name__}: {error}",
+        cause="an internal error (a bug in heli3dof).",
+        fix=f"run it again with {TRACEBACK}=1, and report the traceback",
+    )
+
+
 def _explain_os_error(error: OSError) -> Heli3dofError | None:
     """Return a heli3dof error with cause and fix for ``error``; None if its reason is not known."""
     try:
@@ -237,11 +257,7 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
             fix="cd to another folder",
         )
     if error.filename is None and error.errno in FULL:
-        return NoSpace(
-            f"The output cannot be written: {error.strerror}.",
-            cause="the disk is full.",
-            fix="df -h; files that the command wrote itself are complete",
-        )
+        return lost_output(error)
     if not isinstance(error.filename, (str, bytes)):
         return None
     name = os.fsdecode(error.filename)
@@ -268,27 +284,3 @@ def with_options(text: str, arguments: Sequence[str]) -> str:
     if not arguments:
         return text
     return re.sub(rf"(?<![\w.?&:])({'|'.join(arguments)})=('[^']*'|\w+)", option, text)
-
-
-def print_error(error: Heli3dofError, *, as_json: bool, arguments: Sequence[str] = ()) -> None:
-    """Print an error on stderr: what happened, likely cause, fix. ``as_json``: also as JSON.
-
-    ``arguments``: names of the subcommand's parameters (`with_options`).
-    """
-    out = Output(as_json=as_json)
-    what, cause, fix = (
-        with_options(text, arguments) for text in (error.what, error.cause, error.fix)
-    )
-    out.err.print(f"Error: {what}", soft_wrap=True, style="bold red")
-    if cause:
-        out.err.print(f"Likely cause: {cause}", soft_wrap=True)
-    if fix:
-        out.err.print(f"Try: {fix}", soft_wrap=True)
-    out.emit_error(what, cause, fix, error.exit_code)
-
-
-def print_interruption(error: KeyboardInterrupt, *, as_json: bool) -> None:
-    """Print on stderr why the command was stopped. ``as_json``: also print it as JSON."""
-    out, why = Output(as_json=as_json), str(error) or "stopped with Ctrl-C"
-    out.warn(why)
-    out.emit_error(f"The command was {why}.", exit_code=INTERRUPTED)

@@ -24,7 +24,7 @@ import re
 import sys
 from typing import TextIO
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import NoSpace
 
 HANDLER = "heli3dof.ascii"
 """The name of the codec error handler"""
@@ -80,13 +80,20 @@ def finish(code: str | int | None) -> str | int | None:
     return code
 
 
+def lost_output(error: OSError) -> NoSpace:
+    """Return the heli3dof error for output that could not be written because of ``error``."""
+    return NoSpace(
+        f"The output cannot be written: {error.strerror}.",
+        cause="the disk is full.",
+        fix="df -h; files that the command wrote itself are complete",
+    )
+
+
 def print_lost_output(error: OSError) -> int:
     """Print that the output could not be written because of ``error``; return the exit code."""
     with contextlib.suppress(OSError):
-        print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
-        print("Likely cause: the disk is full.", file=sys.stderr)
-        print("Try: df -h; files that the command wrote itself are complete", file=sys.stderr)
-    return RecordingError.exit_code
+        print(f"Error: {lost_output(error)}", file=sys.stderr)
+    return NoSpace.exit_code
 
 
 def reader_has_gone(end: SystemExit) -> bool:

@@ -52,6 +52,5 @@ def plot(
     with out.working("Drawing …"):
         for recording, path in zip(loaded, paths, strict=True):
             save(flight_figure(recording), path, force=force)
-    for path in paths:
-        out.note(f"Figure: {path}")
+    out.note(*(f"Figure: {path}" for path in paths))
     out.emit({"schema": "heli3dof.plot/1", "figures": [str(p) for p in paths]})

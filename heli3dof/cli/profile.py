@@ -264,8 +264,7 @@ def _report(
 
     remarks = [*unusual_values(profile), *(loop.unusual() if with_loop else ())]
     out.show(*map(minus, _loop_lines(loop) if with_loop else ()))
-    for remark in remarks:
-        out.warn(minus(remark))
+    out.warn(*map(minus, remarks))
     if not loop.stable and with_loop:
         gain = "default gain" if profile.controller is None else "gain"
         remarks.append(
@@ -273,7 +272,7 @@ def _report(
             "another"
         )
         if profile.controller_is_known:
-            out.err.print(f"Error: {remarks[-1]}.", soft_wrap=True, style="bold red")
+            out.fail(f"Error: {remarks[-1]}.")
         else:
             out.warn(remarks[-1])
     out.emit(

@@ -21,7 +21,7 @@ from heli3dof.cli.options import (
     Seed,
     rig_profile,
 )
-from heli3dof.cli.output import INTERRUPTED, Output, print_error, stages, verb
+from heli3dof.cli.output import INTERRUPTED, Output, stages, verb
 from heli3dof.cli.progress import fly_with_progress
 from heli3dof.cli.renamed_options import renamed
 from heli3dof.errors import Heli3dofError, UsageError, minus
@@ -130,7 +130,7 @@ def fly(
         flight.raise_if_cut_short()
     except Heli3dofError as error:
         # On stderr only: the JSON document of the flight already contains the outcome.
-        print_error(error, as_json=False)
+        Output().print_error(error)
         raise typer.Exit(error.exit_code) from None
 
 
@@ -154,7 +154,7 @@ def _fly_auto(
         budget_min=budget_min,
         quick=quick,
         seed=seed,
-        fly=lambda plan, path, seed: _fly_one(out, plan, device, profile, path, seed),
+        fly=lambda plan, path, seed: fly_one(out, plan, device, profile, path, seed),
         diagnosing=lambda: stages(out),
         each=out.show,
     )
@@ -191,10 +191,11 @@ def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
     }
 
 
-def _fly_one(
-    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int
+def fly_one(
+    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int, how: str = ""
 ) -> Recording:
-    out.note(f"Flying {plan.name}, {plan.duration_s:g} s …")
+    """Fly a plan as one of several, and return its recording; ``how``: an addition to the note."""
+    out.note(f"Flying {plan.name}, {plan.duration_s:g} s{how} …")
     flight = fly_with_progress(out, plan, profile, device, seed, path)
     flight.raise_if_cut_short()
     return flight.recording
@@ -217,12 +218,10 @@ def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int
     if is_private(url):  # an emulated rig, whose options are checked when it is opened
         load_driver(url.scheme).open(url, profile).close()
     signals = prepare(plan, profile, seed)
-    for warning in signals.warnings(profile):
-        out.warn(warning)
+    out.warn(*signals.warnings(profile))
     out.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
     out.show("The plan stays within the limits, and the gain stabilises the hover model.")
-    for line in plan.summary():
-        out.show(minus(f"  {line}"))
+    out.show(*(minus(f"  {line}") for line in plan.summary()))
     out.emit(
         {
             "schema": "heli3dof.dry_run/1",
@@ -241,8 +240,7 @@ def _show_flight(out: Output, flight: Flight) -> None:
     from heli3dof.recording.info import flight_warnings
 
     out.show(flight_table(flight))
-    for warning in flight_warnings(flight.recording):
-        out.warn(warning)
+    out.warn(*flight_warnings(flight.recording))
     advice = realtime_advice(flight.outcome)
     if advice:
         out.note(advice)

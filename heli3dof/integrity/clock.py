@@ -95,10 +95,7 @@ def rate(view: View) -> Iterable[Fault]:
 
 
 def _clock_is_wrong(view: View, m: float) -> bool:
-    """Return True if the motion fits the profile's period better than the time stamps' period.
-
-    ``m``: the time stamps' period divided by the profile's.
-    """
+    """Return True if the motion fits the profile's period better than that of the stamps."""
     gains = [x.gain for x in view.responses.values() if x.t > SURE and x.explained > EXPLAINED]
     if not gains:
         return False

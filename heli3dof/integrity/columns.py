@@ -55,7 +55,17 @@ DRIVEN = 0.025
 """rad/s²: below this drive, friction and noise affect the response."""
 FOLLOWS, IGNORES = 0.7, 0.3
 ANGLE, VOLTAGE, REFERENCE = range(3), range(3, 5), range(5, 8)
-NAMES = (*AXES, *(f"v_{m}" for m in MOTORS), *(f"{a}_ref" for a in AXES))
+COLUMNS = (
+    *(f"{axis}_deg" for axis in AXES),
+    *(f"v_{motor}_V" for motor in MOTORS),
+    *(f"{axis}_ref_deg" for axis in AXES),
+)
+TITLES = (
+    *AXES,
+    *(f"the {motor} motor's voltage" for motor in MOTORS),
+    *(f"{axis}'s reference" for axis in AXES),
+)
+"""`COLUMNS`, `TITLES`: names of the columns of `_table`, in a log and in a message"""
 LEVELS = 8
 """Least number of distinct values of a reference on an encoder's grid"""
 
@@ -69,26 +79,12 @@ def columns(view: View) -> Iterable[Fault]:
     r = view.recording
     yield Fault(
         "columns.swapped", Kind.BAD_DATA, r.name,
-        f"{r.name}: {_title(a)} and {_title(b)} are swapped: {evidence}.",
+        f"{r.name}: {TITLES[a]} and {TITLES[b]} are swapped: {evidence}.",
         "the names of two columns are swapped, or two channels are wired the wrong way.",
-        f"swap the names {_column(a)} and {_column(b)} in the log's header line and import it again"
-        if a not in ANGLE or b not in ANGLE else
-        f"swap the names {_column(a)} and {_column(b)} in the log's header line, or the two "
-        "encoders' plugs",
+        f"swap the names {COLUMNS[a]} and {COLUMNS[b]} in the log's header line"
+        + (", or the two encoders' plugs" if {a, b} <= {*ANGLE} else " and import it again"),
         axis=AXES[a] if a in ANGLE else None, confidence=0.99,
     )  # fmt: skip
-
-
-def _title(column: int) -> str:
-    if column in ANGLE:
-        return AXES[column]
-    if column in VOLTAGE:
-        return f"the {MOTORS[column - 3]} motor's voltage"
-    return f"{AXES[column - 5]}'s reference"
-
-
-def _column(column: int) -> str:
-    return f"{NAMES[column]}_{'V' if column in VOLTAGE else 'deg'}"
 
 
 def is_consistent(x: Response) -> bool:
@@ -97,11 +93,7 @@ def is_consistent(x: Response) -> bool:
 
 
 def inconsistent(responses: dict[str, Response]) -> set[str]:
-    """Return the axes whose measured motion does not fit the motion that the voltages predict.
-
-    The measured motion is of implausible size, or the prediction explains little of its variance.
-    Axes that the voltages hardly drive are left out.
-    """
+    """Return the driven axes whose motion does not fit the motion that the voltages predict."""
     driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
     return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
 
@@ -111,11 +103,7 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement of a log with the profile, M = Σ R² exp(−½ (ln |g| / `USUAL`)²).
-
-    The sum is over the axes that the voltages drive. g is an axis' response to the voltages (1: as
-    the profile predicts), R² the share of its motion that g explains.
-    """
+    """Return the agreement M of a log with the profile, a sum over the driven axes."""
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
@@ -123,11 +111,7 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion may be explained by two swapped columns; ``T``: `_table`.
-
-    They are the axes with an implausible response to the voltages (`inconsistent`). If a voltage is
-    constant, they are all axes that the voltages drive.
-    """
+    """Return the axes in question; ``T``: `_table`."""
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
         return {a for a, x in view.responses.items() if x.drive > DRIVEN}
@@ -135,10 +119,7 @@ def axes_in_question(view: View, T: np.ndarray) -> set[str]:
 
 
 def swap_by_motion(view: View) -> tuple[int, int, str] | None:
-    """Return (a, b, evidence) of two columns whose swap explains the motion, or None.
-
-    a and b are indices in `NAMES`. The result is None if the module's conditions hold for no swap.
-    """
+    """Return (a, b, evidence) if a swap of the columns a and b explains the motion, else None."""
     if not axes_in_question(view, _table(view.recording)):
         return None
     view = View(block_means(view.recording))

@@ -62,7 +62,7 @@ def frozen(view: View) -> Iterable[Fault]:
         return  # `nothing` reports that no axis moves
     for i in view.measured:
         intervals = still_intervals(view, i)
-        proven = [w for w in (_evidence(view, i, a, b, u, J) for a, b in intervals) if w]
+        proven = [(a, b, text) for a, b in intervals if (text := _evidence(view, i, a, b, u, J))]
         if not proven:
             if np.ptp(r.angle[view.finite_rows, i]) == 0 and view.airborne.any():
                 yield Fault(
@@ -93,13 +93,12 @@ def frozen(view: View) -> Iterable[Fault]:
         )  # fmt: skip
 
 
-def _evidence(
-    view: View, i: int, a: int, b: int, u: np.ndarray, J: np.ndarray
-) -> tuple[int, int, str] | None:
+def _evidence(view: View, i: int, a: int, b: int, u: np.ndarray, J: np.ndarray) -> str:
+    """Return how rows a to b − 1 show that axis ``i`` must have moved; empty if they do not."""
     r = view.recording
     q = float(r.angle[a, i])
     if (i == ROLL and q > STOP_BEYOND) or (i == PITCH and abs(q) > STOP_BEYOND):
-        return None
+        return ""
     on_table = i == ROLL and q < ON_TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
     if on_table:
         T_g = r.profile.trim_torque
@@ -109,16 +108,16 @@ def _evidence(
             rate = max(0.0, rate + x * dt)
             rise += rate * dt
         if rise < RISEN:
-            return None
-        return a, b, "although its voltages would have lifted it off the table"
+            return ""
+        return "although its voltages would have lifted it off the table"
     width = max(1, round(SMOOTH_S / r.dt))
     if b - a < 2 * width:
-        return None
+        return ""
     smooth = np.convolve(u[a:b, i], np.ones(width) / width, "valid")
     half_range = float(np.ptp(smooth)) / 2 * J[i]
     if half_range < HOLDS_NM[i]:
-        return None
-    return a, b, f"although the voltages' torque on it varies by ±{half_range:.2g} N·m"
+        return ""
+    return f"although the voltages' torque on it varies by ±{half_range:.2g} N·m"
 
 
 CHECKS = (

@@ -34,11 +34,9 @@ STOOD_S = 0.4
 
 
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far each step deviates from its neighbours, and which steps are jumps.
+    """Return the steps' deviations min(|d − d̄|, |d|) Δ (N − 1,) in rad, and the jumps' indices.
 
-    A step is the change of the angle of axis ``i`` (0 to 2) between two rows. The deviation of a
-    step over Δ control periods is min(|d − d̄|, |d|) Δ in rad: d is the step per period, d̄ the mean
-    of its two neighbours. The first result has shape (N − 1,), the second has indices of steps.
+    A step is the change of the angle of axis ``i`` (0 to 2) between two rows.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])

@@ -171,11 +171,7 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return (K, h) if the amplifier's gain is wrong, else None.
-
-    K is the median response of the axes to the voltages, h the hover voltage, both as multiples of
-    the profile's.
-    """
+    """Return (K, h) if the amplifier's gain is wrong, else None; K: the axes' median response."""
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

@@ -11,7 +11,7 @@ If more than the share `DIFFERS` of the rows is beyond the limit, the motion dec
 
 The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
 differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, one of
-them has the wrong sign, or the hover voltage was subtracted (`subtracted`).
+them has the wrong sign, or the hover voltage was subtracted.
 
 **Hover voltage subtracted.** The propellers of an arm in the air push one way, so voltages around
 zero lack their mean. Let g be the response of an axis to the voltages, as a multiple of the
@@ -150,7 +150,7 @@ def unit(view: View) -> Iterable[Fault]:
             voltage_remedy(r, back="-{b}"), confidence=0.99,
         )  # fmt: skip
         return
-    if subtracted(view):
+    if _is_subtracted(view, h):
         yield Fault(
             "voltage.unit", Kind.BAD_DATA, r.name,
             f"{r.name}: in the air, the motors' mean voltage is {h * V_o:+.3g} V; the profile's "
@@ -172,14 +172,9 @@ def unit(view: View) -> Iterable[Fault]:
     )  # fmt: skip
 
 
-def subtracted(view: View) -> bool:
-    """Return True if the hover voltage was subtracted from the logged voltages.
-
-    The module's docstring describes the test.
-    """
-    r, h = view.recording, view.hover_ratio
-    if h is None or abs(h) >= NEAR_ZERO:
-        return False
+def _is_subtracted(view: View, h: float) -> bool:
+    """Return True if the hover voltage was subtracted from the logged voltages (see the module)."""
+    r = view.recording
     known = [x for a, x in view.responses.items() if a != "yaw" and _is_reliable(x)]
     if not known:
         return False

@@ -169,14 +169,11 @@ def _check_name(path: Path, *, force: bool) -> None:
 def default_output(path: Path, *, force: bool, data: bytes | None = None) -> Path:
     """Return the path of an output for which ``-o`` is omitted; ``path`` is its default name.
 
-    With ``force`` the result is ``path``, which the caller overwrites; without, a free name or that
-    of a file with the content ``data`` (`unused`).
+    With ``force``, the result is ``path``, which the caller overwrites. Without, it is the first of
+    ``a.json``, ``a-2.json``, … that does not exist, or that contains ``data``.
     """
-    return path if force else unused(path, data)
-
-
-def unused(path: Path, data: bytes | None = None) -> Path:
-    """Return the first of ``a.json``, ``a-2.json``, … that does not exist or contains ``data``."""
+    if force:
+        return path
     return next(
         p for p in _numbered(path)
         if not p.exists() or (data is not None and p.is_file() and p.read_bytes() == data)

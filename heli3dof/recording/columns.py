@@ -1,4 +1,4 @@
-"""Return a recording's columns (N,), named with their units, for exports and data frames."""
+"""Names and units of a recording's columns (N,), and the columns for exports and data frames."""
 
 from __future__ import annotations
 
@@ -12,6 +12,11 @@ from heli3dof.rig.log_columns import ANGLES, VOLTAGES
 if TYPE_CHECKING:
     from heli3dof.recording.recording import Recording
 
+ARRAYS: dict[str, tuple[str, ...]] = {
+    **{array: tuple(form.format(motor) for motor in MOTORS) for array, form in VOLTAGES.items()},
+    **{array: tuple(f"{form.format(axis)}_rad" for axis in AXES) for array, form in ANGLES.items()},
+}
+"""Array of a `Recording` → names of its columns, in V or rad"""
 UNITS = frozenset({"s", "V", "A", "deg", "rad"})
 """Units that a column's name can end in"""
 
@@ -23,12 +28,12 @@ def export_columns(recording: Recording) -> dict[str, np.ndarray]:
     other names). A channel with the name of an earlier column gets the prefix ``channel_``.
     """
     columns: dict[str, np.ndarray] = {"t_s": recording.t}
-    for array, form in VOLTAGES.items():
-        for i, motor in enumerate(MOTORS):
-            columns[form.format(motor)] = getattr(recording, array)[:, i]
-    for array, form in ANGLES.items():
-        for i, axis in enumerate(AXES):
-            columns[f"{form.format(axis)}_deg"] = np.rad2deg(getattr(recording, array)[:, i])
+    for array, names in ARRAYS.items():
+        for name, values in zip(names, getattr(recording, array).T, strict=True):
+            if array in ANGLES:
+                columns[name.replace("_rad", "_deg")] = np.rad2deg(values)
+            else:
+                columns[name] = values
     columns = {name: v for name, v in columns.items() if not np.isnan(v).all()}
     for name, values in recording.channels.items():
         columns[name if name not in columns else f"channel_{name}"] = values

@@ -75,7 +75,7 @@ def _salvaged(path: Path, profile: Profile | None) -> tuple[Recording, Recording
     error = broken(path, content)
     if error is None:
         return None
-    rows = salvage(path, content).rows
+    _, rows, _ = salvage(path, content)
     if not len(rows):
         return None
     return recording_of(rows, content, profile or profile_in(content, path), path), error

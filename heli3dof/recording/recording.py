@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
-from heli3dof.errors import UsageError
-from heli3dof.recording.columns import export_columns, unit_of
+from heli3dof.errors import UsageError, listed
+from heli3dof.recording.columns import ARRAYS, export_columns, unit_of
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
 from heli3dof.rig.profile import ControllerSpec, Profile
@@ -63,14 +63,7 @@ class Recording(Result):
 
     def __post_init__(self) -> None:
         n = self.t.size
-        shapes = {
-            "t": (n,),
-            "voltage": (n, 2),
-            "angle": (n, 3),
-            "reference": (n, 3),
-            "voltage_cmd": (n, 2),
-            "voltage_extra": (n, 2),
-        }
+        shapes = {"t": (n,), **{array: (n, len(names)) for array, names in ARRAYS.items()}}
         checked = [(name, getattr(self, name).shape, shape) for name, shape in shapes.items()]
         checked += [(f"channels[{k!r}]", np.shape(v), (n,)) for k, v in self.channels.items()]
         for name, got, shape in checked:
@@ -89,12 +82,11 @@ class Recording(Result):
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.controller_is_known else ", controller unknown"
         names = sorted(self.channels)
-        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return (
             f"Recording {self.name!r}: {len(self)} samples, {rate}{ended}\n"
             f"  axes: {', '.join(self.axes) or 'none'}; references: "
             f"{', '.join(references) or 'none'}; profile: {self.profile.name}{known}\n"
-            f"  channels: {', '.join(names[:LISTED]) or 'none'}{more}"
+            f"  channels: {listed(names, LISTED) or 'none'}"
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -206,14 +198,10 @@ class Recording(Result):
 
     def rows(self, keep: BoolArray | IndexArray | slice) -> Recording:
         """Return a recording of the samples that a mask (N,), an index array or a slice selects."""
+        arrays: dict[str, Any] = {name: getattr(self, name)[keep] for name in ("t", *ARRAYS)}
         return replace(
             self,
-            t=self.t[keep],
-            voltage=self.voltage[keep],
-            angle=self.angle[keep],
-            reference=self.reference[keep],
-            voltage_cmd=self.voltage_cmd[keep],
-            voltage_extra=self.voltage_extra[keep],
+            **arrays,
             channels={k: v[keep] for k, v in self.channels.items()},
             start_s=self.t[0] if self.start_s is None and len(self) else self.start_s,
         )

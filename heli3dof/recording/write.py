@@ -13,30 +13,22 @@ import numpy as np
 
 from heli3dof.errors import UsageError
 from heli3dof.recording.atomic_write import check_ending, new_file
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.mcap_files.flight_recorder import profile_record
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, write_rows
 from heli3dof.recording.mcap_files.schema import (
     COMMAND,
     FORMAT,
+    KINDS,
     MAX_CHANNELS,
     SAMPLE,
     RowFormat,
-    layouts_with,
 )
 from heli3dof.recording.recording import Recording
 
 COLUMNS = "heli3dof.columns"
-ARRAYS: dict[str, tuple[str, ...]] = {
-    "t": ("t_s",),
-    "voltage": ("v_front_V", "v_back_V"),
-    "angle": ("roll_rad", "pitch_rad", "yaw_rad"),
-    "reference": ("roll_ref_rad", "pitch_ref_rad", "yaw_ref_rad"),
-    "voltage_cmd": ("v_front_cmd_V", "v_back_cmd_V"),
-    "voltage_extra": ("v_front_extra_V", "v_back_extra_V"),
-}
-"""Array of a `Recording` → fields of the messages that hold its columns"""
-CORE = {name for names in ARRAYS.values() for name in names}
-INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
+CORE = {"t_s", *(name for names in ARRAYS.values() for name in names)}
+"""Fields of the messages that hold the columns of a `Recording`'s arrays"""
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
@@ -48,10 +40,9 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     """
     path = Path(path)
     check_ending(path, ".mcap")
-    rows, names, absent = encode(recording)
-    form = RowFormat(layouts_with(names))
+    form, rows, absent = encode(recording)
     with new_file(path, force=force) as stream:
-        write_rows(stream, form, rows, names, metadata(recording, absent))
+        write_rows(stream, form, rows, metadata(recording, absent))
     return path
 
 
@@ -73,19 +64,17 @@ def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any
     }
 
 
-def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return (rows, names, absent): a recording as the rows of an MCAP file.
+def encode(recording: Recording) -> tuple[RowFormat, np.ndarray, list[str]]:
+    """Return (format, rows, absent): a recording as the rows of an MCAP file.
 
-    ``rows``: structured array, see `RowFormat`. ``names``: channels without a field in the messages
-    Sample and Command. ``absent``: fields of these messages that the recording lacks. Raises
-    UsageError for more than `MAX_CHANNELS` ``names``.
+    ``rows``: structured array. ``absent``: fields of the messages Sample and Command that the
+    recording lacks. Raises UsageError for more than `MAX_CHANNELS` channels without such a field.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
-    known: dict[str, np.ndarray] = {}
+    known: dict[str, np.ndarray] = {"t_s": recording.t}
     absent: list[str] = []
     for array, columns in ARRAYS.items():
-        values = getattr(recording, array).reshape(len(recording), -1)
-        known |= {name: values[:, i] for i, name in enumerate(columns)}
+        known |= zip(columns, getattr(recording, array).T, strict=True)
     for layout in (SAMPLE, COMMAND):
         for column in layout.columns:
             if column.name in CORE:
@@ -101,11 +90,11 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
             cause="a transposed log, with a column per sample.",
             fix="keep only the necessary columns",
         )
-    layouts = layouts_with(extra)
-    rows = RowFormat(layouts).empty(len(recording))
+    form = RowFormat(extra)
+    rows = form.empty(len(recording))
     start = int(recording.meta.get("start_ns", 0))
     since = np.rint((recording.t - min(0.0, float(recording.t[0]))) * 1e9).astype("<u8")
-    for layout in layouts:
+    for layout in form.layouts:
         part = rows[layout.name]
         part["mcap_sequence"] = np.arange(len(rows)) & 0xFFFFFFFF
         part["log_time"] = part["publish_time"] = since + np.uint64(start)
@@ -115,11 +104,12 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
             rows[layout.name][column.name] = known.get(column.name, missing)
     for number, name in enumerate(extra, 1):
         rows["Channels"][f"column{number}"] = channels[name]
-    return rows, extra, absent
+    return form, rows, absent
 
 
 def _fits(values: np.ndarray, kind: str) -> bool:
     if kind == "double":
         return True
-    low, high = INTEGER_RANGE[kind]
-    return bool(((values >= low) & (values <= high) & (values == np.floor(values))).all())
+    limits = np.iinfo(KINDS[kind][2])
+    inside = (values >= limits.min) & (values <= limits.max)
+    return bool((inside & (values == np.floor(values))).all())

@@ -14,7 +14,7 @@ from heli3dof.diagnosis import diagnose as diagnosing
 from heli3dof.identification.black_box import state_space
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.model_file import save_model
-from heli3dof.recording.atomic_write import unused
+from heli3dof.recording.atomic_write import default_output
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.flown import first_part
@@ -230,5 +230,5 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     for made in (*document["recordings"], *document["models"]):
         assert Path(made).exists()
     (tmp_path / "heli3dof-demo" / "mine.txt").write_text("kept")
-    assert unused(FOLDER).name == "heli3dof-demo-2"
+    assert default_output(FOLDER, force=False).name == "heli3dof-demo-2"
     assert (tmp_path / "heli3dof-demo" / "mine.txt").read_text() == "kept"

@@ -13,11 +13,11 @@ import heli3dof as h3
 from heli3dof.errors import NoSpace, OutputExists, UsageError
 from heli3dof.recording.atomic_write import (
     check_ending,
+    default_output,
     file_name,
     new_file,
     reserved,
     stem,
-    unused,
 )
 
 
@@ -88,13 +88,13 @@ def test_a_link_stays_a_link_and_a_pipe_stays_a_pipe(tmp_path: Path) -> None:
 
 def test_a_default_name_is_numbered_if_it_exists(tmp_path: Path) -> None:
     ours = tmp_path / "a-extended.json"
-    assert unused(ours) == ours
+    assert default_output(ours, force=False) == ours
     ours.touch()
-    assert unused(ours).name == "a-extended-2.json"
-    unused(ours).touch()
-    assert unused(ours).name == "a-extended-3.json"
-    assert unused(ours, b"").name == "a-extended.json"
-    assert unused(ours, b"other").name == "a-extended-3.json"
+    assert default_output(ours, force=False).name == "a-extended-2.json"
+    default_output(ours, force=False).touch()
+    assert default_output(ours, force=False).name == "a-extended-3.json"
+    assert default_output(ours, force=False, data=b"").name == "a-extended.json"
+    assert default_output(ours, force=False, data=b"other").name == "a-extended-3.json"
 
 
 def test_a_file_name_is_one_component_of_a_path() -> None:

@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import Heli3dofError, RecordingError, UsageError, did_you_mean, nearest
+from heli3dof.errors import Heli3dofError, RecordingError, UsageError, did_you_mean, listed, nearest
 from heli3dof.recording.logs.importer import Table
-from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN, VOLTAGE_COLUMNS
+from heli3dof.recording.logs.known_names import without_unit
+from heli3dof.rig.log_columns import KNOWN, VOLTAGE_COLUMNS
 
 LISTED = 12
 """Largest number of column names in a message"""
@@ -111,8 +112,8 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
     """
     for name in given:
         _check_target(name)
-    stems = {_stem(name) for name in given}
-    entries = {n: e for n, e in profile.items() if _stem(n) not in stems} | dict(given)
+    stems = set(map(without_unit, given))
+    entries = {n: e for n, e in profile.items() if without_unit(n) not in stems} | dict(given)
     mapping = _Mapping(table, entries, given.keys())
     columns: dict[str, np.ndarray] = {}
     ignored = list(table.ignored)
@@ -123,8 +124,8 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
         columns[name] = mapping.value(name)
     mapping.used.add(table.origins.get("t_s", "t_s"))
     kept = {n: v for n, v in table.columns.items() if n in KNOWN or n not in mapping.used}
-    stems = {_stem(name) for name in columns}
-    for name in [n for n in kept if n in KNOWN and _stem(n) in stems]:
+    stems = set(map(without_unit, columns))
+    for name in [n for n in kept if n in KNOWN and without_unit(n) in stems]:
         del kept[name]
         if name not in mapping.used:
             ignored.append(f"{name} of the log: replaced by the mapping")
@@ -132,18 +133,11 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
     return replace(table, columns={**columns, **kept}, origins=origins, ignored=ignored)
 
 
-def _stem(name: str) -> str:
-    """Return the column name of an angle without its unit, any other name unchanged."""
-    head, _, unit = name.rpartition("_")
-    return head if name in KNOWN and unit in ANGLE_UNITS else name
-
-
 class _Mapping:
     """Evaluates the expressions of a mapping; ``used``: names of the log's columns used in them."""
 
     def __init__(self, table: Table, entries: Mapping[str, str], given: Any) -> None:
         self.table, self.entries, self.given = table, entries, given
-        self.n = len(next(iter(table.columns.values())))
         self.used: set[str] = set()
         self._results: dict[str, np.ndarray] = {}
         self._pending: list[str] = []
@@ -179,7 +173,7 @@ class _Mapping:
             return self.table.means[name]
         if name in self.table.columns:
             return self.table.columns[name]
-        return self.value(name) if name in self.entries else np.arange(self.n, dtype=float)
+        return self.value(name) if name in self.entries else np.arange(len(self.table), dtype=float)
 
     def _parsed(self, target: str) -> tuple[ast.expr, dict[str, str]]:
         """Return the syntax tree of the expression for ``target``, and a dict of its placeholders.
@@ -214,7 +208,7 @@ class _Mapping:
         try:
             with np.errstate(all="ignore"):
                 result = evaluator.eval(self.entries[target], previously_parsed=tree)
-                return np.array(np.broadcast_to(np.asarray(result, dtype=float), self.n))
+                return np.array(np.broadcast_to(np.asarray(result, dtype=float), len(self.table)))
         except (InvalidExpression, TypeError, ValueError, ArithmeticError, RecursionError) as error:
             raise self._error(
                 target, f"cannot be computed ({error})", "an operation that is not available.",
@@ -225,14 +219,12 @@ class _Mapping:
         columns = list(self.table.columns)
         rows = [c for c in columns if c.startswith(f"{name.partition('[')[0]}[")]
         near = nearest(name, columns)
-        listed = rows or columns
-        more = f" and {len(listed) - LISTED} more" if len(listed) > LISTED else ""
         return self._error(
             target,
             f"names {name!r}, which the log does not have",
             "rows count from 1, after the time." if rows else "a typing error, or another log.",
             (f"did you mean {near!r}? " if near and not rows else "")
-            + f"its columns: {', '.join(listed[:LISTED])}{more}",
+            + f"its columns: {listed(rows or columns, LISTED)}",
         )
 
     def _error(self, target: str, what: str, cause: str, fix: str) -> Heli3dofError:

@@ -6,14 +6,15 @@ radians.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
-from heli3dof.errors import RecordingError, nearest
+from heli3dof.errors import RecordingError, listed, nearest
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.logs.known_names import IMPORT, as_options, operand, suggest
@@ -54,7 +55,7 @@ def recording_from_table(
         raise RecordingError(
             f"{table.source} has no angle column.",
             cause="only voltages were logged, or the angles have other names "
-            f"(its columns: {_listed(columns)}).",
+            f"(its columns: {listed(columns, LISTED)}).",
             fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
     known = {name: columns[name] for name in sorted(KNOWN & columns.keys())}
@@ -86,30 +87,23 @@ def recording_from_table(
             "be replayed."
         )
 
-    n = len(t)
-    arrays: dict[str, Any] = {}
-    used = {"t_s"}
-    for array, form in VOLTAGES.items():
-        arrays[array] = np.full((n, 2), np.nan)
-        for i, motor in enumerate(MOTORS):
-            name = form.format(motor)
-            if name in columns:
-                arrays[array][:, i] = columns[name]
-                used.add(name)
-        if len([m for m in MOTORS if form.format(m) in columns]) == 1:
+    for form in VOLTAGES.values():
+        if sum(form.format(motor) in columns for motor in MOTORS) == 1:
             warnings.append(f"Only one of the two columns {form.format('*')} was found.")
-    for array, form in ANGLES.items():
-        arrays[array] = np.full((n, 3), np.nan)
-        for i, axis in enumerate(AXES):
-            for unit, factor in ANGLE_UNITS.items():
-                name = f"{form.format(axis)}_{unit}"
-                if name in columns:
-                    arrays[array][:, i] = columns[name] * factor
-                    used.add(name)
+    in_si: dict[str, np.ndarray] = {}
+    for name in KNOWN & columns.keys():
+        head, _, unit = name.rpartition("_")
+        own = f"{head}_rad" if unit in ANGLE_UNITS else name
+        in_si[own] = columns[name] * ANGLE_UNITS.get(unit, 1.0)
+    not_logged = np.full(len(t), np.nan)
+    arrays: dict[str, Any] = {
+        array: np.column_stack([in_si.get(name, not_logged) for name in names])
+        for array, names in ARRAYS.items()
+    }
     warnings += log_validation.hidden_timing_warnings(
         t, arrays["angle"], profile.encoder.rad_per_count
     )
-    channels = {name: values for name, values in columns.items() if name not in used}
+    channels = {name: values for name, values in columns.items() if name not in KNOWN}
     about = {**meta, "warnings": [*meta.get("warnings", []), *warnings]}
     return Recording(t=t, profile=profile, channels=channels, meta=about, **arrays)
 
@@ -127,7 +121,7 @@ def check_names(table: Table, rate_hz: float) -> None:
         raise RecordingError(
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
-            cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
+            cause=f"the logging program named it otherwise; its columns: {listed(names, LISTED)}.",
             fix=_map_options(table, f"{missing[0]}={expression}"),
         )
     for form in ANGLES.values():
@@ -161,9 +155,3 @@ def _map_options(table: Table, example: str) -> str:
         f"{IMPORT} --map '{example}', with names of the log's columns, such as "
         "(Vs-Vd)/2 or 57.3*x[5]"
     )
-
-
-def _listed(names: Iterable[str]) -> str:
-    every = list(names)
-    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
-    return ", ".join(every[:LISTED]) + more

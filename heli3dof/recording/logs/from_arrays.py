@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.recording import Recording, recording_of_arrays
-from heli3dof.rig.log_columns import ANGLES, KNOWN, VOLTAGES
+from heli3dof.rig.log_columns import KNOWN
 from heli3dof.rig.profile import Profile
 
 
@@ -43,12 +43,10 @@ def make_recording(
         voltage_extra=voltage_extra, channels=channels, meta=meta,
     )  # fmt: skip
     columns = {"t_s": made.t}
-    forms = {**dict.fromkeys(VOLTAGES, MOTORS), **dict.fromkeys(ANGLES, AXES)}
-    for name, ends in forms.items():
-        form = VOLTAGES[name] if name in VOLTAGES else f"{ANGLES[name]}_rad"
-        for end, values in zip(ends, getattr(made, name).T, strict=True):
-            if name == "voltage" or not np.isnan(values).all():
-                columns[form.format(end)] = values
+    for array, names in ARRAYS.items():
+        for name, values in zip(names, getattr(made, array).T, strict=True):
+            if array == "voltage" or not np.isnan(values).all():
+                columns[name] = values
     twice = sorted(KNOWN & made.channels.keys())
     if twice:
         raise UsageError(

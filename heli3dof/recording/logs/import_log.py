@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,15 +37,6 @@ def is_log(path: str | Path) -> bool:
     return importer is not None and not importer.carries_profile
 
 
-@dataclass(frozen=True)
-class Log:
-    """A flight's log: its files, the table read from them (unchecked), and the rig's profile."""
-
-    paths: tuple[Path, ...]
-    table: Table
-    profile: Profile
-
-
 def import_log(
     paths: str | Path | Sequence[str | Path],
     profile: Profile | None,
@@ -69,8 +60,8 @@ def import_log(
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
-    log = read_log(paths, profile, columns, mapping, rate_hz)
-    return recording_of(log, check_values=check_values)
+    table = read_log(paths, profile, columns, mapping, rate_hz)
+    return recording_of(paths, table, check_values=check_values)
 
 
 def read_log(
@@ -79,12 +70,12 @@ def read_log(
     columns: str | Sequence[str] | None = None,
     mapping: Mapping[str, str] | None = None,
     rate_hz: float | None = None,
-) -> Log:
-    """Return the columns of one flight's files in one table, and the columns mapped from them.
+) -> Table:
+    """Return one flight's files as one table, unchecked: columns, mapped columns, rig's profile.
 
     `import_log` describes the arguments. Raises RecordingError or UsageError.
     """
-    files = tuple(Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths))
+    files = _files(paths)
     if len(files) > 1 and columns is not None:
         raise UsageError(
             "columns names the columns of one file, but several were given.",
@@ -101,24 +92,32 @@ def read_log(
         kept_hz = round(1 / float(np.median(np.diff(table.columns["t_s"]))), 6)
         loop = profile.loop.model_copy(update={"rate_hz": kept_hz})
         profile = profile.model_copy(update={"loop": loop})
-    return Log(files, table, profile)
+    return replace(table, profile=profile)
 
 
-def recording_of(log: Log, *, check_values: bool = True) -> Recording:
-    """Check a log's columns and return them as a `Recording`.
+def recording_of(
+    paths: str | Path | Sequence[str | Path], table: Table, *, check_values: bool = True
+) -> Recording:
+    """Check the table that `read_log` read from ``paths``, and return it as a `Recording`.
 
     ``check_values=False`` skips the checks that angles and voltages have the units in their names.
     """
-    files = [_digest(path) for path in log.paths]
+    files = _files(paths)
+    first, *others = (_digest(path) for path in files)
     meta = provenance(
         source="import",
-        name="+".join(stem(path) for path in log.paths),
-        log=files[0],
-        more_logs=files[1:] or None,
-        log_mapping=dict(log.table.origins) or None,
+        name="+".join(stem(path) for path in files),
+        log=first,
+        more_logs=others or None,
+        log_mapping=dict(table.origins) or None,
     )
     del meta["started_utc"]  # the time of the import is not the time of the flight
-    return recording_from_table(log.table, log.profile, meta, check_values=check_values)
+    assert table.profile is not None
+    return recording_from_table(table, table.profile, meta, check_values=check_values)
+
+
+def _files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    return [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
 
 
 def _digest(path: Path) -> dict[str, Any]:
@@ -158,10 +157,7 @@ def _read(
         return replace(table, columns=_numeric(table.columns))
     except (Heli3dofError, OSError):
         raise
-    except (
-        Exception,
-        SystemExit,
-    ) as error:  # KeyError, struct.error …
+    except (Exception, SystemExit) as error:  # KeyError, struct.error …
         raise RecordingError(
             f"{path} cannot be read by the importer {importer.name}: "
             f"{type(error).__name__}: {error}",

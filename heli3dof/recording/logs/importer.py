@@ -36,6 +36,10 @@ class Table:
     notes: Sequence[str] = ()
     """How the file was read, for the import's preview; unlike warnings, not kept in recordings"""
 
+    def __len__(self) -> int:
+        """Return the number of samples N."""
+        return len(next(iter(self.columns.values()), ()))
+
 
 @dataclass(frozen=True)
 class Importer:

@@ -7,7 +7,7 @@ averaged over the interval of each row (`lower_rate`).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,16 +35,16 @@ NAMED = 2
 """Largest number of signals of a file that a message names"""
 
 
-def with_clock(table: Table) -> Table:
-    """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock.
+def clock_of(names: Iterable[str]) -> str | None:
+    """Return the one of ``names`` that comes first in `CLOCK_NAMES`; None if there is none."""
+    lower = {name.lower(): name for name in reversed(list(names))}
+    return next((lower[clock] for clock in CLOCK_NAMES if clock in lower), None)
 
-    The clock is the first of `CLOCK_NAMES` that is a column.
-    """
-    if "t_s" in table.columns:
-        return table
-    lower = {name.lower(): name for name in reversed(list(table.columns))}
-    name: str | None = next((lower[clock] for clock in CLOCK_NAMES if clock in lower), None)
-    if name is None:
+
+def with_clock(table: Table) -> Table:
+    """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock."""
+    name = clock_of(table.columns)
+    if name is None or "t_s" in table.columns:
         return table
     columns = {"t_s": table.columns[name], **table.columns}
     return replace(table, columns=columns, origins={**table.origins, "t_s": name})
@@ -70,11 +70,10 @@ def join(tables: Sequence[Table]) -> Table:
     warnings = [f"{table.source}: {w}" for table in tables for w in table.warnings]
     seen = Counter(name for table in tables for name in table.columns)
     for table in tables:
-        n = _length(table)
-        if "t_s" not in table.columns and n != _length(first):
+        n = len(table)
+        if "t_s" not in table.columns and n != len(first):
             named = (
-                f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples"
-                for t in (first, table)
+                f"{next(iter(t.columns))} in {t.source}: {len(t)} samples" for t in (first, table)
             )
             raise RecordingError(
                 f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
@@ -99,7 +98,7 @@ def join(tables: Sequence[Table]) -> Table:
             is_clock = name in ("t_s", table.origins.get("t_s"))
             if is_clock and table is not first:
                 continue
-            own = name if is_clock or seen[name] == 1 else f"{_stem(table)}.{name}"
+            own = name if is_clock or seen[name] == 1 else f"{stem(Path(table.source))}.{name}"
             if own in columns:
                 raise RecordingError(
                     f"Two signals are named {own}.",
@@ -183,11 +182,3 @@ def _signals(table: Table) -> str:
     names = [name for name in table.columns if name not in ("t_s", table.origins.get("t_s"))]
     more = ", …" if len(names) > NAMED else ""
     return f"{', '.join(names[:NAMED])}{more} in {table.source}"
-
-
-def _length(table: Table) -> int:
-    return len(next(iter(table.columns.values())))
-
-
-def _stem(table: Table) -> str:
-    return stem(Path(table.source))

@@ -85,7 +85,8 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
         found["v_front_V"] = f"({volts['sum']}+{volts['diff']})/2"
         found["v_back_V"] = f"({volts['sum']}-{volts['diff']})/2"
     found |= {f"v_{motor}_V": volts[motor] for motor in ("front", "back") if motor in volts}
-    return {target: e for target, e in found.items() if not _stems(target) & columns.keys()}
+    there = set(map(without_unit, KNOWN & columns.keys()))
+    return {target: e for target, e in found.items() if without_unit(target) not in there}
 
 
 def with_own_names(table: Table) -> Table:
@@ -94,12 +95,8 @@ def with_own_names(table: Table) -> Table:
     A column keeps its name if the table has another column for the same quantity.
     """
     found = {name: own for name in table.columns if (own := own_name(name))}
-    taken = Counter(stem for own in found.values() for stem in _stems(own))
-    names = {
-        name: own
-        for name, own in found.items()
-        if taken[own] == 1 and not _stems(own) & table.columns.keys()
-    }
+    taken = Counter(map(without_unit, [*found.values(), *(KNOWN & table.columns.keys())]))
+    names = {name: own for name, own in found.items() if taken[without_unit(own)] == 1}
     if not names:
         return table
     return replace(
@@ -158,10 +155,7 @@ def _key(name: str) -> tuple[str, str | None]:
     return key, "deg" if unit == "°" else next((u for u in units if unit.startswith(u)), None)
 
 
-def _stems(target: str) -> set[str]:
-    """Return the names that the column ``target`` may have in a log.
-
-    An angle may have two, ending in ``_deg`` and ``_rad``; any other column has only its own.
-    """
-    head, _, unit = target.rpartition("_")
-    return {f"{head}_deg", f"{head}_rad"} if unit in ("deg", "rad") else {target}
+def without_unit(name: str) -> str:
+    """Return an angle's column in `KNOWN` without its unit, any other column unchanged."""
+    head, _, unit = name.rpartition("_")
+    return head if unit in ANGLE_UNITS else name

@@ -13,12 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.logs.held_angles import (
-    HELD_CAUSE,
-    held_axes,
-    held_clause,
-    held_fix,
-)
+from heli3dof.recording.logs.held_angles import HELD_CAUSE, held_axes, held_clause, held_fix
 from heli3dof.recording.logs.known_names import IMPORT, as_options
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
@@ -41,8 +36,7 @@ Where = Callable[[int], str]
 def lost_rows(source: str, columns: Mapping[str, np.ndarray], where: Where) -> np.ndarray:
     """Return (N,) bool: the rows with a value that is not finite, which count as lost samples.
 
-    ``source``: the log's name; ``where``: returns a sample's position in the file as text. Raises
-    RecordingError if their share exceeds `MAX_LOST_SHARE`.
+    Raises RecordingError if their share exceeds `MAX_LOST_SHARE`.
     """
     finite = {name: np.isfinite(values) for name, values in columns.items()}
     lost = ~np.logical_and.reduce(list(finite.values()))
@@ -148,8 +142,7 @@ def check_sampling_times(
     """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
-    control period. ``where``: returns a sample's position in the file as text. ``logged``: the
-    expression of the log's columns that computed t.
+    control period. ``logged``: the expression of the log's columns that computed t.
     """
     check_time_increases(source, t, where, period_s)
     found = timing(t)
@@ -221,10 +214,8 @@ def check_voltages(
 ) -> list[str]:
     """Check voltages against the limit ``v_max`` (V); return warnings.
 
-    Raises RecordingError for voltages above 20 times the limit.
-
-    ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name; ``logged``:
-    the expressions of the log's columns that computed the two voltages.
+    ``front``, ``back``: the motors' voltages (N,) in V; ``logged``: the expressions of the log's
+    columns that computed them. Raises RecordingError for voltages above 20 times the limit.
     """
     warnings, beyond = list[str](), list[str]()
     for name, v, expression in zip(("v_front_V", "v_back_V"), (front, back), logged, strict=True):

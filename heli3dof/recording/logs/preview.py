@@ -21,7 +21,7 @@ def preview(table: Table) -> dict[str, Any]:
     names = [name for name in ORDERED if name in table.columns]
     return {
         "source": table.source,
-        "samples": len(next(iter(table.columns.values()), ())),
+        "samples": len(table),
         "start_s": float(t[0]) if t is not None and len(t) else None,
         "period_s": float(np.median(np.diff(t))) if t is not None and len(t) > 1 else None,
         "columns": [_column(table, name) for name in names],

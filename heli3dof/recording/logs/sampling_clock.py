@@ -125,10 +125,7 @@ def sampling_times(recording: Recording) -> Recording:
 
 
 def in_bursts(t: np.ndarray) -> bool:
-    """Return True if time stamps t (N,) come in bursts.
-
-    They do if more than 10 % of the intervals are shorter than 10 % of the mean (`BUNCHED`).
-    """
+    """Return True if time stamps t (N,) come in bursts (`BUNCHED`)."""
     intervals = np.diff(t)
     return bool((intervals < BUNCHED * intervals.mean()).mean() > BUNCHED)
 

@@ -7,12 +7,13 @@ bytes, `scan` continues at the next chunk whose checksum is right.
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 import struct
 import threading
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -29,13 +30,7 @@ from heli3dof.errors import RecordingError, quoted
 from heli3dof.file_kind import no_file
 from heli3dof.recording.mcap_files.chunk_index import CODEC
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
-from heli3dof.recording.mcap_files.schema import (
-    CHANNELS_TOPIC,
-    COMMAND,
-    SAMPLE,
-    Layout,
-    channels_layout,
-)
+from heli3dof.recording.mcap_files.schema import CHANNELS_TOPIC, RowFormat
 
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the codec's name
@@ -114,35 +109,28 @@ class Scan:
     @cached_property
     def schemas(self) -> dict[int, Schema]:
         """Return the schemas by id: those outside of chunks; if there are none, those inside."""
-        return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
+        return {s.id: s for s in (_read(Schema, c) for c in self._first_outside(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
         """Return the channels by id: those outside of chunks; if there are none, those inside."""
-        return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
+        return {c.id: c for c in (_read(Channel, c) for c in self._first_outside(Opcode.CHANNEL))}
 
-    def _anywhere(self, opcode: int) -> Iterator[bytes]:
-        found = list(self.of(opcode))
-        if found:
-            return iter(found)
-        return (
-            data[a:b]
-            for chunk in self.of(Opcode.CHUNK)
-            for data in (decode_chunk(chunk),)
-            for kind, a, b in records_in(data)[0]
-            if kind == opcode
-        )
+    def _first_outside(self, opcode: int) -> Iterable[bytes]:
+        return list(self.of(opcode)) or self._also_in_chunks(opcode)
+
+    def _also_in_chunks(self, opcode: int) -> Iterator[bytes]:
+        """Yield the content of each record with this opcode, also inside chunks, in file order."""
+        for kind, a, b in self.records:
+            if kind == opcode:
+                yield self.data[a:b]
+            elif kind == Opcode.CHUNK:
+                data = decode_chunk(self.data[a:b])
+                yield from (data[c:d] for inner, c, d in records_in(data)[0] if inner == opcode)
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield (channel id, log time in ns, payload) of every message, in the file's order."""
-        for kind, a, b in self.records:
-            if kind == Opcode.MESSAGE:
-                yield _message(self.data[a:b])
-            elif kind == Opcode.CHUNK:
-                data = decode_chunk(self.data[a:b])
-                for inner, c, d in records_in(data)[0]:
-                    if inner == Opcode.MESSAGE:
-                        yield _message(data[c:d])
+        return map(_message, self._also_in_chunks(Opcode.MESSAGE))
 
 
 def scan(data: bytes) -> Scan:
@@ -188,18 +176,16 @@ def _next_intact(data: bytes, at: int) -> int | None:
     return footer if has_footer else None
 
 
-def our_layouts(found: Scan) -> list[Layout] | None:
-    """Return the `Layout` of each message type in a heli3dof file; None for any other file."""
+def our_format(found: Scan) -> RowFormat | None:
+    """Return the format of the rows in a heli3dof file; None for any other file."""
     by_topic = {c.topic: c for c in found.channels.values()}
-    layouts = [SAMPLE, COMMAND]
-    if CHANNELS_TOPIC in by_topic:
-        layouts.append(channels_layout(channel_names(found)))
-    for layout in layouts:
+    form = RowFormat(channel_names(found))
+    for layout in form.layouts:
         channel = by_topic.get(layout.topic)
         schema = None if channel is None else found.schemas.get(channel.schema_id)
         if schema is None or schema.data != layout.descriptor_set:
             return None
-    return layouts
+    return form
 
 
 def channel_names(found: Scan) -> list[str]:
@@ -366,13 +352,11 @@ def what_is(data: bytes) -> str:
             return name
     if data.startswith(MAGIC[:5]):
         return "an incomplete MCAP file, or one of another version"
+    head = data[:4096]
     try:
-        text = data[:4096].decode("utf-8-sig", errors="strict")
-    except UnicodeDecodeError as error:
-        if error.start < len(data[:4096]) - 4:
-            text = data[:4096].decode("latin-1")
-        else:
-            text = data[: error.start].decode("utf-8-sig")
+        text = codecs.getincrementaldecoder("utf-8-sig")().decode(head)  # may end in a character
+    except UnicodeDecodeError:
+        text = head.decode("latin-1")
     if _CONTROL.search(text):
         return "a binary file of an unknown kind"
     line = text.split("\n", 1)[0]

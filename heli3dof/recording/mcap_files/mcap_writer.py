@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -31,7 +31,7 @@ from mcap.records import (
 from heli3dof.recording.atomic_write import write_all
 from heli3dof.recording.mcap_files.chunk import ChunkMaker, rows_of_chunk
 from heli3dof.recording.mcap_files.chunk_index import chunk_indexes
-from heli3dof.recording.mcap_files.schema import CHANNELS_TOPIC, RowFormat
+from heli3dof.recording.mcap_files.schema import RowFormat
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "heli3dof"
@@ -48,11 +48,10 @@ class McapFile:
 
     If the stream can be read, `finish` adds an index of the chunks; a pipe cannot be read, so its
     output has no index. ``good`` is the byte offset after the last complete record. After a failed
-    write, the caller may truncate the file at this offset. ``names``: names of the columns that
-    heli3dof's own messages do not contain; they have a message of their own (`channels_layout`).
+    write, the caller may truncate the file at this offset.
     """
 
-    def __init__(self, stream: BinaryIO, rows: RowFormat, names: Sequence[str] = ()) -> None:
+    def __init__(self, stream: BinaryIO, rows: RowFormat) -> None:
         self._stream = stream
         self._rows = rows
         self._chunks = ChunkMaker(rows)
@@ -71,9 +70,7 @@ class McapFile:
             self._schemas.append(
                 Schema(number, layout.descriptor_set, "protobuf", layout.full_name)
             )
-            further = names and layout.topic == CHANNELS_TOPIC
-            about = {"columns": json.dumps(names)} if further else {}
-            self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
+            self._channels.append(Channel(number, layout.topic, "protobuf", layout.about, number))
 
     def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
         """Write the file's beginning: magic bytes, header, ``metadata``, schemas and channels."""
@@ -181,15 +178,13 @@ def write_rows(
     stream: BinaryIO,
     form: RowFormat,
     rows: np.ndarray,
-    names: Sequence[str],
     metadata: Mapping[str, Mapping[str, Any]],
 ) -> None:
     """Write a complete file: metadata, rows, then the metadata record `OUTCOME`.
 
-    ``metadata``: all metadata records by name, with `OUTCOME` (how the flight ended). `McapFile`
-    describes ``stream`` and ``names``.
+    ``metadata``: all metadata records by name, with `OUTCOME` (how the flight ended).
     """
-    file = McapFile(stream, form, names)
+    file = McapFile(stream, form)
     file.start({name: data for name, data in metadata.items() if name != OUTCOME})
     step = rows_of_chunk(form)
     for i in range(0, len(rows), step):

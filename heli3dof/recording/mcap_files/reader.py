@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 
 from heli3dof.errors import ProfileError, RecordingError, quoted
 from heli3dof.file_kind import other_file
+from heli3dof.recording.columns import ARRAYS
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.logs.importers import endings
 from heli3dof.recording.mcap_files.mcap_scan import (
@@ -24,7 +25,7 @@ from heli3dof.recording.mcap_files.mcap_scan import (
     channel_names,
     damaged,
     decode_chunk,
-    our_layouts,
+    our_format,
     read_bytes,
     records_in,
     scan,
@@ -33,7 +34,7 @@ from heli3dof.recording.mcap_files.mcap_scan import (
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, OUTCOME, PROFILE, PROVENANCE
 from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat
 from heli3dof.recording.recording import Recording, output_voltage
-from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
+from heli3dof.recording.write import COLUMNS, CORE
 from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
 
@@ -54,12 +55,11 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
     try:
         if not found.intact:
             raise Damaged("the checksum of its data is wrong")
-        layouts = our_layouts(found)
-        if layouts is None:
+        form = our_format(found)
+        if form is None:
             return import_log(path, profile)
-        form = RowFormat(layouts)
-        rows = _bulk_rows(found, form)
-        if rows is None:
+        rows, other_chunks = intact_rows(found, form)
+        if other_chunks or any(kind == Opcode.MESSAGE for kind, _, _ in found.records):
             rows = _gathered_rows(path, found, form)
     except Damaged as error:
         raise damaged(path, error) from error
@@ -116,34 +116,31 @@ def broken(path: Path, found: Scan) -> RecordingError | None:
     )
 
 
-def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
-    """Return the rows (n,) in ``data``, an uncompressed chunk of rows in the format ``form``.
+def intact_rows(found: Scan, form: RowFormat) -> tuple[np.ndarray, int]:
+    """Return the rows (n,) of all chunks of packed rows, and the number of other chunks.
 
-    The result is None if the bytes are not rows of this format.
+    The other chunks are damaged, or have other records than rows in the format ``form``.
     """
+    parts: list[np.ndarray] = []
+    others = 0
+    for content in found.of(Opcode.CHUNK):
+        try:
+            rows = _chunk_rows(decode_chunk(content), form)
+        except Damaged:
+            rows = None
+        if rows is None:
+            others += 1
+        else:
+            parts.append(rows.view(np.uint8))  # joining structured arrays is five times slower
+    return np.concatenate(parts).view(form.dtype) if parts else form.empty(0), others
+
+
+def _chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
+    """Return the rows (n,) in ``data``, an uncompressed chunk; None if it has other records."""
     if len(data) and data[0] != Opcode.MESSAGE:  # schemas and channels may come first
         front = next((a - 9 for kind, a, _ in records_in(data)[0] if kind == Opcode.MESSAGE), None)
         data = data[len(data) if front is None else front :]
     return form.parse(data)
-
-
-def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
-    """Return the rows (n,) of all chunks, or None if the chunks are not packed rows of ``form``."""
-    topics = [c.topic for _, c in sorted(found.channels.items())]
-    if sorted(found.channels) != list(range(1, len(form.layouts) + 1)) or topics != [
-        layout.topic for layout in form.layouts
-    ]:
-        return None
-    parts: list[np.ndarray] = []
-    for kind, start, end in found.records:
-        if kind == Opcode.MESSAGE:
-            return None
-        if kind == Opcode.CHUNK:
-            rows = chunk_rows(decode_chunk(found.data[start:end]), form)
-            if rows is None:
-                return None
-            parts.append(rows.view(np.uint8))  # joining structured arrays is five times slower
-    return np.concatenate(parts).view(form.dtype) if parts else form.empty(0)
 
 
 def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
@@ -213,9 +210,7 @@ def decode(
         if c.name not in (absent or ())
     }
     arrays: dict[str, Any] = {
-        array: np.column_stack([column[name] for name in names])
-        for array, names in ARRAYS.items()
-        if array != "t"
+        array: np.column_stack([column[name] for name in names]) for array, names in ARRAYS.items()
     }
     if "v_front_sent_V" in column:
         sent = np.column_stack([column["v_front_sent_V"], column["v_back_sent_V"]])

@@ -13,19 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.opcode import Opcode
 
 from heli3dof.errors import RecordingError, quoted
 from heli3dof.recording.atomic_write import check_ending, check_outputs, new_file
-from heli3dof.recording.mcap_files.mcap_scan import (
-    Damaged,
-    Scan,
-    channel_names,
-    decode_chunk,
-    our_layouts,
-)
+from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, our_format
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, write_rows
-from heli3dof.recording.mcap_files.reader import chunk_rows, open_mcap
+from heli3dof.recording.mcap_files.reader import intact_rows, open_mcap
 from heli3dof.recording.mcap_files.schema import SAMPLE, RowFormat
 
 
@@ -55,15 +48,6 @@ class Recovery:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Salvage:
-    """The rows of a file's intact chunks, their byte format, and the number of damaged chunks."""
-
-    form: RowFormat
-    rows: np.ndarray
-    chunks_damaged: int
-
-
 def recover(path: str | Path, output: str | Path | None = None, *, force: bool = False) -> Recovery:
     """Write the intact samples of ``path`` to ``output`` (default ``NAME.recovered.mcap``).
 
@@ -74,14 +58,14 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
     path = Path(path)
     output = path.with_name(f"{path.stem}.recovered.mcap") if output is None else Path(output)
     found = open_mcap(path)
-    saved = salvage(path, found)
-    if found.whole and found.intact and not saved.chunks_damaged:
+    form, rows, chunks_damaged = salvage(path, found)
+    if found.whole and found.intact and not chunks_damaged:
         raise RecordingError(
             f"{path} is intact; there is nothing to recover.",
             cause="you meant another file, or this one was recovered already.",
             fix=f"heli3dof info {quoted(path)}",
         )
-    if not len(saved.rows):
+    if not len(rows):
         raise RecordingError(
             f"{path} ends before its first sample; there is nothing to recover.",
             cause="the program was killed in the first fraction of a second.",
@@ -89,14 +73,9 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         )
     check_outputs(output, force=force, inputs=[path])
     check_ending(output, ".mcap")
-    times = saved.rows[SAMPLE.name]["t_s"]
-    result = Recovery(
-        output,
-        len(saved.rows),
-        float(times[-1] - times[0]),
-        found.bytes_lost,
-        saved.chunks_damaged,
-    )
+    times = rows[SAMPLE.name]["t_s"]
+    seconds = float(times[-1] - times[0])
+    result = Recovery(output, len(rows), seconds, found.bytes_lost, chunks_damaged)
     before = found.metadata.get(OUTCOME, {})
     outcome = {
         **{k: v for k, v in before.items() if k not in {"outcome", "rows"}},
@@ -108,25 +87,25 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         "rows": result.samples,
     }
     with new_file(output, force=force) as stream:
-        records = {**found.metadata, OUTCOME: outcome}
-        write_rows(stream, saved.form, saved.rows, channel_names(found), records)
+        write_rows(stream, form, rows, {**found.metadata, OUTCOME: outcome})
     return result
 
 
-def salvage(path: Path, found: Scan) -> Salvage:
-    """Return the rows of a file's intact chunks; ``found``: the file's records.
+def salvage(path: Path, found: Scan) -> tuple[RowFormat, np.ndarray, int]:
+    """Return the byte format and the rows of a file's intact chunks; the number of damaged chunks.
 
-    Raises RecordingError for another program's file, and for missing or damaged schemas.
+    ``found``: the file's records. Raises RecordingError for another program's file, and for missing
+    or damaged schemas.
     """
     try:
-        layouts = our_layouts(found) if found.channels else None
+        form = our_format(found) if found.channels else None
     except Damaged as error:
         raise RecordingError(
             f"{path}: the description of its columns is damaged: {error}.",
             cause="the disk or a network copy changed some bytes.",
             fix="copy the original file again",
         ) from error
-    if layouts is None:
+    if form is None:
         if found.channels or found.whole:
             raise RecordingError(
                 f"{path} was written by another program; only heli3dof's recordings can be "
@@ -140,17 +119,4 @@ def salvage(path: Path, found: Scan) -> Salvage:
             cause="the program was killed at its start, or the copy is incomplete.",
             fix="copy the original file again, or repeat the experiment",
         )
-    form = RowFormat(layouts)
-    parts: list[np.ndarray] = []
-    damaged = 0
-    for content in found.of(Opcode.CHUNK):
-        try:
-            rows = chunk_rows(decode_chunk(content), form)
-        except Damaged:
-            rows = None
-        if rows is None:
-            damaged += 1
-        else:
-            parts.append(rows.view(np.uint8))
-    whole = np.concatenate(parts).view(form.dtype) if parts else form.empty(0)
-    return Salvage(form, whole, damaged)
+    return form, *intact_rows(found, form)

@@ -19,14 +19,16 @@ Units are s, V, A, rad.
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mcap.opcode import Opcode
 
 if TYPE_CHECKING:
     from heli3dof.recording.row import Row
@@ -35,7 +37,6 @@ FORMAT = "heli3dof.recording/1"
 """Name of the format in every file's provenance; its number rises if a field changes its meaning"""
 
 PACKAGE = "heli3dof"
-OPCODE_MESSAGE = 0x05
 MESSAGE_HEADER = (
     ("opcode", "u1"),
     ("length", "<u8"),
@@ -73,6 +74,8 @@ class Layout:
     name: str
     topic: str
     columns: tuple[Column, ...]
+    about: dict[str, str] = field(default_factory=dict)
+    """Metadata of the MCAP channel"""
 
     @property
     def full_name(self) -> str:
@@ -143,7 +146,7 @@ def channels_layout(names: Sequence[str]) -> Layout:
 
     In arrays, the fields are called ``column1``, ``column2`` …. In the protobuf schema they have
     the columns' ``names``, changed to names that protobuf allows. The MCAP channel's metadata lists
-    the unchanged names.
+    the unchanged names as JSON.
     """
     columns: list[Column] = []
     taken: set[str] = set()
@@ -153,27 +156,30 @@ def channels_layout(names: Sequence[str]) -> Layout:
             clean = f"column{number}_{clean}"
         taken.add(clean.lower())
         columns.append(Column(f"column{number}", "double", clean))
-    return Layout("Channels", CHANNELS_TOPIC, tuple(columns))
-
-
-def layouts_with(names: Sequence[str]) -> list[Layout]:
-    """Return a recording's message layouts; ``names``: columns that Sample and Command lack."""
-    return [SAMPLE, COMMAND, *([channels_layout(names)] if names else [])]
+    return Layout("Channels", CHANNELS_TOPIC, tuple(columns), {"columns": json.dumps(list(names))})
 
 
 class RowFormat:
-    """Byte format of a row: one MCAP Message record per message type, on MCAP channels 1, 2, …"""
+    """Byte format of a row: one MCAP Message record per message type, on MCAP channels 1, 2, …
 
-    def __init__(self, layouts: Sequence[Layout] = (SAMPLE, COMMAND)) -> None:
-        self.layouts = tuple(layouts)
+    ``names``: the columns that Sample and Command lack; they are in the message Channels.
+    """
+
+    def __init__(self, names: Sequence[str] = ()) -> None:
+        self.layouts = (SAMPLE, COMMAND, *([channels_layout(names)] if names else []))
         self.dtype = np.dtype([(layout.name, layout.record) for layout in self.layouts])
         self.stride = self.dtype.itemsize
         self.offsets = tuple(self.dtype.fields[x.name][1] for x in self.layouts)  # type: ignore[index]
         self.template = np.zeros(1, self.dtype)
         free = np.full(self.stride, 1, np.uint8)
-        for (message, field), value in _constants(self.layouts):
-            self.template[message][field] = value
-            free.view(self.dtype)[message][field] = 0
+        for channel, layout in enumerate(self.layouts, 1):
+            length = layout.record.itemsize - 9  # the bytes after opcode and length
+            constants = {"opcode": Opcode.MESSAGE, "length": length, "channel": channel}
+            for number, column in enumerate(layout.columns, 1):
+                constants[f"tag{number}"] = tag_value(number, column.kind)
+            for name, value in constants.items():
+                self.template[layout.name][name] = value
+                free.view(self.dtype)[layout.name][name] = 0
         self._fixed_at = np.flatnonzero(free == 0)
         self._fixed_bytes = self.template.view(np.uint8)[self._fixed_at]
 
@@ -249,22 +255,6 @@ def tag_value(number: int, kind: str) -> int:
     """
     tag = number << 3 | KINDS[kind][1]
     return tag if tag < 128 else (tag & 0x7F | 0x80) | tag >> 7 << 8
-
-
-def _constants(layouts: Sequence[Layout]) -> list[tuple[tuple[str, str], int]]:
-    found: list[tuple[tuple[str, str], int]] = []
-    for channel, layout in enumerate(layouts, 1):
-        length = layout.record.itemsize - 9
-        found += [
-            ((layout.name, "opcode"), OPCODE_MESSAGE),
-            ((layout.name, "length"), length),
-            ((layout.name, "channel"), channel),
-        ]
-        found += [
-            ((layout.name, f"tag{number}"), tag_value(number, column.kind))
-            for number, column in enumerate(layout.columns, 1)
-        ]
-    return found
 
 
 def _varint(number: int, value: int) -> bytes:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.mcap_files.mcap_writer import LIBRARY, to_json
-from heli3dof.recording.mcap_files.schema import SAMPLE, layouts_with
+from heli3dof.recording.mcap_files.schema import SAMPLE
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.viewers.scene import ARM, BASE, BODY, Part, parts, poses
 from heli3dof.recording.write import encode, metadata
@@ -42,7 +42,7 @@ def foxglove_bytes(recording: Recording) -> bytes:
     """Return the bytes of an MCAP file with a recording and its three-dimensional scene."""
     from mcap.writer import Writer
 
-    rows, names, absent = encode(recording)
+    form, rows, absent = encode(recording)
     times = rows[SAMPLE.name]["log_time"].tolist()
     out = io.BytesIO()
     writer = Writer(out)
@@ -50,24 +50,21 @@ def foxglove_bytes(recording: Recording) -> bytes:
     for name, record in metadata(recording, absent).items():
         writer.add_metadata(name, {key: to_json(value) for key, value in record.items()})
     extra = list(messages(recording, times))
-    streams: list[tuple[int, list[tuple[int, bytes]]]] = []
-    for layout in layouts_with(names):
+    queue: list[tuple[int, int, int, bytes]] = []  # log time, channel, number, payload
+    for layout in form.layouts:
         schema = writer.register_schema(layout.full_name, "protobuf", layout.descriptor_set)
-        about = {"columns": json.dumps(names)} if layout.name == "Channels" else {}
-        channel = writer.register_channel(layout.topic, "protobuf", schema, about)
+        channel = writer.register_channel(layout.topic, "protobuf", schema, layout.about)
         payload = rows[layout.name][list(layout.payload.names or ())].astype(layout.payload)
         records = payload.view(np.uint8).reshape(len(payload), -1)
-        streams.append((channel, list(zip(times, map(bytes, records), strict=True))))
+        queue += [(time, channel, k, bytes(records[k])) for k, time in enumerate(times)]
     for topic in dict.fromkeys(at for at, _, _ in extra):
         own = [(time, message) for at, time, message in extra if at == topic]
         example = _json(json_schema(own[0][1]))
         schema = writer.register_schema(TOPICS[topic], "jsonschema", example)
         channel = writer.register_channel(topic, "json", schema)
-        streams.append((channel, [(time, _json(message)) for time, message in own]))
-    merged = [(time, i, k) for i, (_, own) in enumerate(streams) for k, (time, _) in enumerate(own)]
-    for time, i, k in sorted(merged):
-        channel, payloads = streams[i]
-        writer.add_message(channel, time, payloads[k][1], time, k)
+        queue += [(time, channel, k, _json(message)) for k, (time, message) in enumerate(own)]
+    for time, channel, k, data in sorted(queue):
+        writer.add_message(channel, time, data, time, k)
     writer.finish()  # type: ignore[no-untyped-call]
     return out.getvalue()
 

@@ -83,7 +83,7 @@ def test_radians_are_accepted_for_degrees(tmp_path: Path) -> None:
 )
 def test_other_separators_are_accepted_with_a_note(tmp_path: Path, change, words: str) -> None:
     path = write(tmp_path, change(csv_text(columns())))
-    assert words in " ".join(read_log(path, PROFILE).table.notes)
+    assert words in " ".join(read_log(path, PROFILE).notes)
     assert import_log(path, PROFILE).meta["warnings"] == []
     np.testing.assert_array_equal(import_log(path, PROFILE).voltage, flight(1500).voltage)
 
@@ -119,7 +119,7 @@ def test_titles_above_the_header_are_skipped_with_a_note(
     path = write(tmp_path, titles + table)
     np.testing.assert_array_equal(import_log(path, PROFILE).voltage, flight(1500).voltage)
     assert "The header is line 3; the lines above it were ignored." in (
-        read_log(path, PROFILE).table.notes
+        read_log(path, PROFILE).notes
     )
 
 
@@ -189,9 +189,7 @@ def test_a_line_of_units_is_skipped_and_gives_names_with_units(tmp_path: Path) -
     np.testing.assert_allclose(r.angle, flight(1500).angle, rtol=0, atol=1e-12)
     assert r.meta["warnings"] == []
     assert r.meta["log_mapping"]["roll_deg"] == "roll [deg]"
-    assert list(read_log(path, PROFILE).table.notes)[:1] == [
-        "Line 2 contains units and was skipped."
-    ]
+    assert list(read_log(path, PROFILE).notes)[:1] == ["Line 2 contains units and was skipped."]
 
 
 @pytest.mark.parametrize(
@@ -275,9 +273,9 @@ def numbered(first: int = 0, step: int = 1) -> str:
 
 
 def test_an_unnamed_first_column_of_row_numbers_is_ignored(tmp_path: Path) -> None:
-    log = read_log(write(tmp_path, numbered()), PROFILE)
-    assert log.table.columns.keys() == columns().keys()
-    assert "numbers the rows" in log.table.notes[0]
+    table = read_log(write(tmp_path, numbered()), PROFILE)
+    assert table.columns.keys() == columns().keys()
+    assert "numbers the rows" in table.notes[0]
     with pytest.raises(RecordingError, match="column 1 of the header line has no name"):
         import_log(write(tmp_path, numbered(step=5)), PROFILE)
 
@@ -286,9 +284,11 @@ def test_an_unnamed_first_column_of_row_numbers_is_ignored(tmp_path: Path) -> No
 def test_dates_with_times_become_seconds(tmp_path: Path, zone: str) -> None:
     start = datetime(2026, 5, 4, 23, 59, 59)
     t = [timedelta(seconds=float(x)) for x in columns()["t_s"]]
-    log = read_log(write(tmp_path, columns() | {"t_s": [f"{start + x}{zone}" for x in t]}), PROFILE)
-    np.testing.assert_allclose(log.table.columns["t_s"], flight(1500).t, atol=1e-6)
-    assert "t_s contains dates" in log.table.notes[0]
+    table = read_log(
+        write(tmp_path, columns() | {"t_s": [f"{start + x}{zone}" for x in t]}), PROFILE
+    )
+    np.testing.assert_allclose(table.columns["t_s"], flight(1500).t, atol=1e-6)
+    assert "t_s contains dates" in table.notes[0]
 
 
 def test_rounded_times_are_computed_from_the_sample_number(tmp_path: Path) -> None:

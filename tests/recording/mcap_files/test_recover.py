@@ -15,7 +15,7 @@ from heli3dof.recording.mcap_files.mcap_scan import decode_chunk, scan
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.mcap_files.recover import recover
-from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat, channels_layout
+from heli3dof.recording.mcap_files.schema import RowFormat
 from heli3dof.recording.write import write_recording
 from tests.recording.make import flight, write_flight
 
@@ -69,7 +69,7 @@ def test_everything_before_the_tear_is_recovered(tmp_path: Path, whole: Path) ->
     assert caught.value.fix == f"heli3dof recover {path}"
     result = recover(path)
     kept = sum(len(decode_chunk(content[a:b])) for a, b in chunks[:2])
-    stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
+    stride = RowFormat(["gust m/s"]).stride
     rows = read_recording(result.path)
     assert result.path == tmp_path / "torn.recovered.mcap"
     assert result.samples == len(rows) == kept // stride
@@ -80,7 +80,7 @@ def test_everything_before_the_tear_is_recovered(tmp_path: Path, whole: Path) ->
 def test_a_cut_at_any_records_edge_keeps_every_chunk_before_it(tmp_path: Path, whole: Path) -> None:
     content = whole.read_bytes()
     result = scan(content)
-    stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
+    stride = RowFormat(["gust m/s"]).stride
     path = tmp_path / "cut.mcap"
     before = 0
     for kind, start, end in result.records:
@@ -144,7 +144,7 @@ def test_chunks_after_unreadable_bytes_are_recovered(
     assert about["torn"], "also with a complete end"
     result = recover(path)
     lost = sum(len(decode_chunk(whole.read_bytes()[slice(*chunks[i])])) for i in damaged)
-    stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
+    stride = RowFormat(["gust m/s"]).stride
     assert result.samples == about["samples"] == 400 - lost // stride
     assert result.chunks_damaged == len(damaged) - 1
     assert chunks[2][1] - chunks[2][0] < result.bytes_lost < chunks[3][0] - at

@@ -16,7 +16,6 @@ from heli3dof.recording.mcap_files.schema import (
     Layout,
     RowFormat,
     RowPacker,
-    channels_layout,
     tag_value,
 )
 from tests.paths import ROOT
@@ -94,8 +93,8 @@ def test_a_wrong_tag_or_header_is_noticed(at: int) -> None:
 
 def test_channels_may_have_any_names_and_more_than_fifteen() -> None:
     names = [f"x{i}" for i in range(30)] + ["a b", "a-b", "A b", "µ", "3rd", "tag1", "opcode", ""]
-    layout = channels_layout(names)
-    form = RowFormat((SAMPLE, COMMAND, layout))
+    form = RowFormat(names)
+    layout = form.layouts[-1]
     row = form.empty(1)
     for i, column in enumerate(layout.columns):
         row["Channels"][column.name] = i + 0.5

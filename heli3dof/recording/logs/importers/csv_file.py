@@ -153,7 +153,7 @@ def _header_line(lines: list[str]) -> int:
 
 
 def _mostly_numbers(row: list[str]) -> bool:
-    return 2 * sum(_is_number(cell.replace(",", ".")) for cell in row) > len(row)
+    return 2 * sum(_is_number(cell) for cell in row) > len(row)
 
 
 def _separator(line: str) -> str:
@@ -165,7 +165,7 @@ def _separator(line: str) -> str:
 def _header(path: Path, line: str) -> tuple[str, list[str]]:
     separator = _separator(line)
     names = [name.strip().strip("\"'").strip() for name in _cells(line, separator)]
-    numeric = [_is_number(name.replace(",", ".")) for name in names]
+    numeric = [_is_number(name) for name in names]
     if names and all(numeric):
         raise RecordingError(
             f"{path} has no header line; its first line starts with the number {names[0]}.",
@@ -224,7 +224,7 @@ def _fast(body: list[str], separator: str, names: list[str]) -> dict[str, np.nda
 def _units(body: list[str], separator: str, count: int) -> list[str]:
     """Return the ``count`` units in the first line below the header; [] if it contains none."""
     units = [cell.strip() for cell in _cells(body[0], separator)] if len(body) > 1 else []
-    is_text = len(units) == count and not any(_is_number(u.replace(",", ".")) for u in units)
+    is_text = len(units) == count and not any(_is_number(u) for u in units)
     if not is_text or all(u.lower() in EMPTY for u in units):
         return []
     return units if _mostly_numbers(_cells(body[1], separator)) else []
@@ -267,33 +267,37 @@ def _exact(
     """
     columns: dict[str, np.ndarray] = {}
     for i, name in enumerate(names):
-        values = np.full(len(rows), np.nan)
-        text: tuple[int, str] | None = None
-        for k, row in enumerate(rows):
-            cell = row[i].strip()
-            try:
-                values[k] = float(cell)
-            except ValueError:
-                if cell.lower() not in EMPTY:
-                    text = (k, cell)
-                    break
-        if text is not None and (dates := _dates([row[i].strip() for row in rows])):
+        cells = [row[i].strip() for row in rows]
+        values = [_value(cell) for cell in cells]
+        if None not in values:
+            columns[name] = np.array(values, dtype=float)
+            continue
+        k = values.index(None)
+        if dates := _dates(cells):
             columns[name] = np.array([(date - dates[0]).total_seconds() for date in dates])
             notes.append(f"{name} contains dates; it was read as seconds from {dates[0]} on.")
-        elif text is None:
-            columns[name] = values
         elif name in KNOWN:
             raise RecordingError(
-                f"{path}: line {numbers[text[0]]}, column {name}: {text[1]!r} is not a number.",
+                f"{path}: line {numbers[k]}, column {name}: {cells[k]!r} is not a number.",
                 cause="a unit, a comment or an error message among the numbers.",
-                fix=f"remove line {numbers[text[0]]}, or write a number there",
+                fix=f"remove line {numbers[k]}, or write a number there",
             )
         else:
             warnings.append(
-                f"The column {name} holds text ({text[1]!r} in line {numbers[text[0]]}); "
+                f"The column {name} holds text ({cells[k]!r} in line {numbers[k]}); "
                 "it was ignored, because channels are numeric."
             )
     return columns
+
+
+def _value(cell: str) -> float | None:
+    """Return the number in a cell, NaN for an empty one, None for text."""
+    if cell.lower() in EMPTY:
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError:
+        return None
 
 
 def _dates(cells: list[str]) -> list[datetime]:
@@ -331,7 +335,7 @@ def _ragged(
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        float(text.replace(",", "."))
     except ValueError:
         return False
     return True

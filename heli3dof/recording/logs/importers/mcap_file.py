@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from mcap.records import Channel, Schema
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, listed
 from heli3dof.recording.logs.importer import Importer, Table
-from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_layouts, scan
+from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_format, scan
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, PROFILE
 from heli3dof.recording.mcap_files.schema import SAMPLE
 from heli3dof.rig.log_columns import KNOWN
@@ -28,6 +28,8 @@ VOLTAGES = {"v_front_V", "v_back_V"}
 HEAD_BYTES = 1 << 16
 """Number of bytes that `is_foreign` reads first. In heli3dof's own files they contain its topics,
 so that the rest need not be read."""
+LISTED = 12
+"""Largest number of topics in a message"""
 
 
 def is_foreign(path: Path) -> bool:
@@ -40,7 +42,7 @@ def is_foreign(path: Path) -> bool:
         if not head.startswith(MAGIC) or SAMPLE.topic.encode() in head:
             return False
         content = scan(path.read_bytes())
-        return content.whole and content.intact and our_layouts(content) is None
+        return content.whole and content.intact and our_format(content) is None
     except (OSError, Damaged):
         return False
 
@@ -177,17 +179,7 @@ def _protobuf_decoder(schema: Schema) -> Decoder:
 
     files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
     pool = descriptor_pool.DescriptorPool()
-    waiting = {file.name: file for file in files.file}
-
-    def add(name: str) -> None:
-        file = waiting.pop(name, None)
-        if file is not None:
-            for needed in file.dependency:
-                add(needed)
-            pool.Add(file)
-
-    for name in list(waiting):
-        add(name)
+    message_factory.GetMessages(files.file, pool)  # adds each file after those that it needs
     kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
     fields = [field.name for field in kind.DESCRIPTOR.fields]
 
@@ -199,11 +191,11 @@ def _protobuf_decoder(schema: Schema) -> Decoder:
 
 
 def _topics(content: Scan) -> str:
-    listed = [
+    topics = (
         f"{c.topic} ({getattr(content.schemas.get(c.schema_id), 'name', '') or c.message_encoding})"
         for c in content.channels.values()
-    ]
-    return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
+    )
+    return listed(topics, LISTED)
 
 
 IMPORTER = Importer("MCAP", (".mcap",), read, recognises=is_foreign, carries_profile=True)

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.joined_tables import CLOCK_NAMES
+from heli3dof.recording.logs.joined_tables import clock_of
 from heli3dof.recording.logs.known_names import rises
 from heli3dof.recording.logs.log_validation import MIN_SAMPLES
 from heli3dof.recording.logs.matlab.variables import Opaque
@@ -146,8 +146,7 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
     """
     for t, columns in found.clocked:
         yield {"t_s": t, **columns}
-    clock = next((n for n in CLOCK_NAMES for a in found.arrays if a.lower() == n), None)
-    name = next((a for a in found.arrays if a.lower() == clock), None)
+    name = clock_of(found.arrays)
     if name is not None and found.arrays[name].ndim == 1:
         t = found.arrays[name]
         joined: dict[str, np.ndarray] = {}
