@@ -101,8 +101,7 @@ def prediction_errors(
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
-    d, hooks = problem.data, problem.structure.hooks
-    s, par = problem.structure.arrays(problem.values(theta))
+    d = problem.data
     starts, rows = starts_of(d) if starts is None else starts, rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
     inside = np.zeros(len(d.t), dtype=bool)
@@ -111,8 +110,8 @@ def prediction_errors(
     usable = inside[starts]
     readings = out[usable]
     predict_free_run(
-        s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
-        d.V, np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
+        *problem.structure.arguments(problem.values(theta)), d.blocks, d.free, d.t, d.h, d.V,
+        np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
     )  # fmt: skip
     out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)

@@ -153,11 +153,7 @@ def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     _, high = problem.bounds
     step = np.array([COARSE.get(f.name, DIFFERENCE) for f in s.free])
     step = np.where(theta + step > high, -step, step)
-    sets = []
-    for j in perturbed:
-        e = np.zeros(len(theta))
-        e[j] = step[j]
-        sets.append(problem.values(theta + e))
+    sets = [problem.values(theta + e) for e in np.diag(step)[perturbed]]
     a = forcing(p, s, sets, [changes_thrust[j] for j in perturbed])
     with np.errstate(over="ignore", invalid="ignore"):
         out[perturbed] = forward(p, a / step[perturbed, None, None])

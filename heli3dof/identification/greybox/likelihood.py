@@ -116,22 +116,18 @@ class Likelihood:
         get a row (None: all). The filter's gains stay fixed. Rows that `diverged` are zero.
         """
         d = self.data
-        hooks = self.structure.hooks
         _, high = self.bounds
         which = np.arange(len(theta)) if which is None else which
-        step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
-        sets = [self.structure.arrays(self.values(theta))] + [
-            self.structure.arrays(self.values(theta + _unit(j, theta) * e))
-            for j, e in zip(which, step, strict=True)
-        ]
+        step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+        moved = (self.values(theta + e) for e in np.diag(step)[which])
+        sets = np.array([self.values(theta), *moved])
         D = np.zeros((len(sets), len(at.row)))
         follow(
-            np.array([s for s, _ in sets]), hooks.first, hooks.address,
-            np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
-            d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
+            *self.structure.arguments(sets), d.blocks, d.free, d.t, d.h, d.V, d.y,
+            at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip
         with np.errstate(over="ignore", invalid="ignore"):
-            out = (D[1:] - D[0]) / step[:, None]
+            out = (D[1:] - D[0]) / step[which, None]
         return np.where(diverged(out)[:, None], 0.0, out)
 
 
@@ -152,9 +148,3 @@ def score_and_information(at: FilterRun, D: np.ndarray) -> tuple[np.ndarray, np.
     parameters. g and w are each reading's score and information (`FilterRun`).
     """
     return D @ at.g, (D * at.w) @ D.T
-
-
-def _unit(j: int, theta: np.ndarray) -> np.ndarray:
-    e = np.zeros(len(theta))
-    e[j] = 1.0
-    return e

@@ -173,11 +173,9 @@ def residuals(
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure
         mean = np.diff(impulse(st, values, f.V, f.h, still=f.still), axis=0) / f.h[:, None]
-        s, par = st.arrays(values)
         out = np.empty((len(f.t), 6))
         _evaluate_rows_compiled(
-            s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
-            log.y_smooth, log.y_dot, out,
+            *st.arguments(values), f.free, f.t, f.V, mean, log.y_smooth, log.y_dot, out,
         )  # fmt: skip
         # The correction for encoder effects, computed at smoothed readings, also fits the raw ones.
         q = log.y + (out[:, :3] - log.y_smooth)

@@ -258,13 +258,10 @@ def filter_jittered(
     usable rows).
     """
     varying = varying or {}
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
-    places = positions(structure, tuple(varying))
     X = np.full((len(data.t), 6 + len(varying)), np.nan)
     loglik = np.zeros(3)
     _filter(
-        s, hooks.first, hooks.address, par, structure.memory, places,
+        *structure.arguments(values), positions(structure, tuple(varying)),
         np.array(list(varying.values()), dtype=float), data.blocks, data.free, data.t, data.h,
         data.V, data.y, np.asarray(noise, dtype=float) ** 2, float(jitter_s),
         data.rad_per_count**2 / 12, loglik, X,
@@ -273,7 +270,7 @@ def filter_jittered(
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """Return the positions of the parameters ``names`` in the array ``par`` of `Structure.arrays`.
+    """Return the positions of the parameters ``names`` in the argument ``par`` of filters.
 
     Each row of the result (W, 3) int64 is a position: row and column of ``par``, index in
     ``names``. A parameter has one position for each function of its effect.

@@ -311,8 +311,6 @@ def filter_quantised(
     log-likelihood only; 1 also the quantities of each measurement update; 2 also the states X; 3
     also the log-likelihood up to each row, as further columns of X.
     """
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
     N = len(data.t)
     n = 6 * N if keep else 1
     row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -320,8 +318,8 @@ def filter_quantised(
     X = np.zeros((N if keep >= 2 else 1, 9 if keep >= 3 else 6))
     loglik = np.zeros(3)
     E = filter_blocks(
-        s, hooks.first, hooks.address, par, structure.memory, data.blocks, data.free, data.grid,
-        data.t, data.h, data.V, data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
+        *structure.arguments(values), data.blocks, data.free, data.grid, data.t, data.h, data.V,
+        data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
         encoder_noise, keep, loglik, row, state, c, g, w, K, X,
     )  # fmt: skip
     if not keep:
@@ -343,7 +341,7 @@ def follow(  # type: ignore[no-untyped-def]
     D (J, E) gets the predicted readings and rates minus those of `filter_blocks`. Each event
     changes the state by K (G − W D). row, state, C, G, W, K are the events that `filter_blocks`
     stored; the other arguments are those of `filter_blocks`. ``s0`` and ``pars`` contain the J
-    sets, each from `Structure.arrays`.
+    sets (`Structure.arguments`).
 
     Unlike in the filter, dry friction here ignores the uncertainty of the rates. Therefore, pass
     the filter's own parameters as the first set, and subtract the first row of D from the others.

@@ -60,10 +60,7 @@ class _Plant:
     """The equations of a grey-box model as functions of arrays, with or without its motor delay."""
 
     def __init__(self, model: Valued, *, delayed: bool = True) -> None:
-        hooks = model.structure.hooks
-        self.s, par = model.structure.arrays(model.values)
-        self.effects = hooks.first, hooks.address, par, model.structure.memory
-        """Arguments of every compiled function: the active effects"""
+        self.s, *self.effects = model.structure.arguments(model.values)
         setup(self.s, *self.effects)
         self.delay = float(self.s[state_layout.DELAY])
         if not delayed:

@@ -31,7 +31,7 @@ def test_a_number_that_varies_is_found_where_its_hook_keeps_it(recording: Record
     names = ("bias.torque.pitch", "encoder.offset.pitch")
     structure = Structure(recording.profile, terms(names))
     (place,) = positions(structure, (OFFSET,))
-    _, par = structure.arrays(structure.values_of({OFFSET: 7.5}))
+    *_, par, _ = structure.arguments(structure.values_of({OFFSET: 7.5}))
     assert par[place[0], place[1]] == 7.5
 
 
