@@ -25,7 +25,7 @@ from heli3dof.identification.bias_correction.evaluation import (
     fixed_parameters,
 )
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
+from heli3dof.identification.greybox.maximum_likelihood import Optimum, scaled_noise
 
 ROUNDS = 14
 TOLERANCE = 0.02  # predicted gain of the log-likelihood at which the search ends, chosen
@@ -113,8 +113,7 @@ def maximise_corrected(
             step = np.where(axes, step, 0.0)
             noise_step = float(np.abs(step).max())
             if noise_step > NOISE_CONVERGED:
-                a = a.copy()
-                a[:3] = np.clip(a[:3] * np.exp(step), NOISE_LOW, NOISE_HIGH)
+                a = scaled_noise(a, step)
         converged = accepted and gain < TOLERANCE and noise_step <= NOISE_CONVERGED
         if converged or not accepted:
             break

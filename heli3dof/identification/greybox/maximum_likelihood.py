@@ -181,8 +181,13 @@ def noise_step(
         bend = -(up - 2 * mid + down) / PROBE**2
         move = np.where(bend > 0, slope / bend, np.sign(slope))
     move = np.where(axes & np.isfinite(move), np.clip(move, -0.7, 1.0), 0.0)
-    better = np.clip(a[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
-    return np.append(better, a[3]), float(np.abs(move).max())
+    return scaled_noise(a, move), float(np.abs(move).max())
+
+
+def scaled_noise(noise: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return the ``noise`` (4,) after a ``step`` (3,) of ln a, within limits; the jitter stays."""
+    a = np.clip(noise[:3] * np.exp(step), NOISE_LOW, NOISE_HIGH)
+    return np.append(a, noise[3])
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:

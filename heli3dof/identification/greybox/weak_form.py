@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -50,6 +51,7 @@ FAR = 20.0
 """An error that is not finite is replaced by this multiple of the errors' scale s."""
 
 
+@partial(compiled, error_model="numpy", nogil=True)
 def _evaluate_rows(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
     """Write the angles (rad) and the model's accelerations (rad/s²) in each row to ``out`` (N, 6).
 
@@ -75,14 +77,9 @@ def _evaluate_rows(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  
             out[k, i] = x[i]
         for i in range(6):
             s[R + i] = x[i]
-        for i in range(2):
-            s[F_FRONT + i] = F[k, i]
         accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
         for i in range(3):
             out[k, 3 + i] = w[2, i]
-
-
-_evaluate_rows_compiled = compiled(_evaluate_rows, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +171,7 @@ def residuals(
         values, f, st = problem.values(z, i), log.flight, problem.structure
         mean = np.diff(impulse(st, values, f.V, f.h, still=f.still), axis=0) / f.h[:, None]
         out = np.empty((len(f.t), 6))
-        _evaluate_rows_compiled(
+        _evaluate_rows(
             *st.arguments(values), f.free, f.t, f.V, mean, log.y_smooth, log.y_dot, out,
         )  # fmt: skip
         # The correction for encoder effects, computed at smoothed readings, also fits the raw ones.
