@@ -114,36 +114,27 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    `training_obstacle` tests the recordings in ``prepared``, which have all three angles. If
-    ``request`` names the terms, the function skips this test and uses the likelihood.
+    `likelihood_obstacle` tests the training recordings, which have all three angles. If ``request``
+    names the terms, the function skips this test and uses the likelihood.
     """
-    if request.terms is None and (reason := training_obstacle(prepared)):
+    sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
+    if request.terms is None and (reason := likelihood_obstacle(sources)):
         if request.name == request.method:  # the default name
             request = replace(request, name=freeflight.METHOD)
         return freeflight.as_replacement(freeflight.fit(prepared, request), reason)
     return method.fit(prepared, request)
 
 
-def training_obstacle(prepared: Prepared) -> str:
-    """Return why a maximum-likelihood fit to the training recordings is invalid, or ``""``.
-
-    The fit is invalid if all recordings have sampling jitter. If the controller of every recording
-    is unknown, the process noise is tested, too (`likelihood_obstacle`).
-    """
-    sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
-    if any(r.profile.controller is not None for r in sources):
-        return CLOCK if all(has_jitter(r) for r in sources) else ""
-    return likelihood_obstacle(sources)
-
-
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Return why a maximum-likelihood fit to ``recordings`` is invalid, or ``""``.
 
-    The controllers of the recordings must be unknown. The fit is invalid in two cases: all
-    recordings have sampling jitter, or the fitted process noise is too large (`noise_check`).
+    The fit is invalid in two cases: all recordings have sampling jitter, or the fitted process
+    noise is too large (`noise_check`). The noise is tested only if all controllers are unknown.
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK
+    if any(r.profile.controller is not None for r in recordings):
+        return ""
     check = noise_check(recordings)
     if check is None or check.usable:
         return ""
