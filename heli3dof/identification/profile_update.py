@@ -37,7 +37,7 @@ from heli3dof.identification.greybox.thrust_scale import (
     BASE,
     TORQUE_UNITS,
     Measured,
-    scale_of_model,
+    thrust_scale,
 )
 from heli3dof.model.greybox.linearisation import LevelHover, level_hover
 from heli3dof.rig.profile import Profile
@@ -150,7 +150,7 @@ def _from_model(path: Path) -> Calibration:
         )
     free = model.structure.free[:4]
     std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
-    scale = scale_of_model(model)
+    scale = thrust_scale(model)
     K_f = model.profile.motor.K_f
     base = {"K_f": Measured(K_f, K_f * scale.k, K_f * scale.k * scale.std)}
     for f, v, s in zip(free, model.values, std, strict=False):

@@ -89,24 +89,15 @@ def edge(x: float, tolerance: float) -> float:
     return float(np.log1p(tolerance) if x > 0 else np.log1p(-tolerance))
 
 
-def thrust_scale(fit: PhysicalFit) -> ThrustScale:
-    """Return the thrust gain's ratio to the profile's, from a fit's gravity torque and inertias."""
-    nominal = np.array([f.start for f in fit.free[:4]])
-    x = fit.values[:4] / nominal
-    std = fit.std[:4] / np.abs(nominal)
-    return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
-
-
-def scale_of_model(model: GreyBoxModel) -> ThrustScale:
-    """Return the thrust gain's ratio to the profile's, from a model's gravity torque and inertias.
+def thrust_scale(fit: PhysicalFit | GreyBoxModel) -> ThrustScale:
+    """Return the thrust gain's ratio to the profile's, from a fit's gravity torque and inertias.
 
     If the standard deviation of one of these parameters is unknown, it is taken as 0.
     """
-    nominal = np.array([f.start for f in model.structure.free[:4]])
-    std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
-    return of_ratios(
-        model.values[:4] / nominal, std / np.abs(nominal), 0.5 * model.profile.tolerance
-    )
+    nominal = np.array([f.start for f in fit.structure.free[:4]])
+    x = fit.values[:4] / nominal
+    std = np.where(np.isfinite(fit.std[:4]), fit.std[:4], 0.0) / np.abs(nominal)
+    return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
