@@ -181,7 +181,6 @@ def fit_to_recordings(which: Sequence[int], full: MultiStepFit) -> MultiStepFit:
         p,
         flights=tuple(p.flights[i] for i in which),
         data=tuple(p.data[i] for i in which),
-        rows=tuple(p.rows[i] for i in which),
     )
     b = len(p.own)
     at = np.concatenate([np.arange(p.n), *(p.n + i * b + np.arange(b) for i in which)])

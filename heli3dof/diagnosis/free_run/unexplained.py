@@ -140,7 +140,7 @@ def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[floa
     first = k + round(SPUN_UP_S / flight.dt)
     climb = replace(flight, starts=np.array([first]))
     log = log_of(climb, max((k + n - first) * flight.dt, SPANS_S[0] + 2 * flight.dt))
-    alone = replace(p, flights=(climb,), data=(p.data[i],), rows=(p.rows[i],))
+    alone = replace(p, flights=(climb,), data=(p.data[i],))
     b = len(p.own)
     at = np.r_[: p.n, p.n + i * b : p.n + (i + 1) * b]
     measured = float(log.spans[0].integrals(log.y, np.zeros_like(log.y))[:, 1].mean())

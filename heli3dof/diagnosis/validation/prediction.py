@@ -30,7 +30,7 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.greybox.prediction import NOISE
+from heli3dof.model.greybox.prediction import noise_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
@@ -78,15 +78,6 @@ def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelih
     return Likelihood(data_of(recordings, runs), structure)
 
 
-def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return an array (4,): the model's process noise of 3 axes in rad/s²/√Hz, its jitter in s.
-
-    The process noise is `NOISE` on axes where the model has none. The jitter is that of the
-    sampling interval.
-    """
-    return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
-
-
 def prediction_errors(
     problem: Likelihood,
     theta: np.ndarray,
@@ -125,7 +116,7 @@ def model_errors(
 ) -> tuple[Likelihood, PredictionErrors]:
     """Return the recordings' likelihood, and the model's prediction errors at `HORIZONS_S`."""
     problem = problem_of(model.structure, recordings)
-    theta = problem.scaled(model.values)
+    theta = problem.structure.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
     return problem, prediction_errors(problem, theta, X, HORIZONS_S)

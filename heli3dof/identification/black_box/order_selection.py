@@ -195,8 +195,8 @@ def search(
                     tried.append((_failed(n, d.interval_s, f"did not converge: {error}"), None))
                     continue
                 value = selection_score(fit.model, prepared)
-            S = fit.pem.model.S if fit.pem is not None else start.S
-            likelihood = -0.5 * rows * (float(np.linalg.slogdet(S)[1]) + 3 * np.log(2 * np.pi) + 3)
+            logdet = float(np.linalg.slogdet(fit.state_space.S)[1])
+            likelihood = -0.5 * rows * (logdet + 3 * np.log(2 * np.pi) + 3)
             free = n * (2 + 3 * (1 if method == "oe" else 2)) + 3
             bic = -2 * likelihood + free * np.log(rows)
             tried.append((CandidateOrder(n, d.interval_s, value, likelihood, bic, ""), fit))

@@ -145,10 +145,7 @@ def estimate(
     """
     if start is None:
         start, noise = _start_at_instants(problem, noise)
-    if any(t.effect.starts for t in problem.structure.terms):
-        start, noise = _likeliest_start(
-            problem, problem.prior_mean if start is None else start, noise
-        )
+    start, noise = _likeliest_start(problem, start, noise)
     best = maximise(problem, start, noise)
     if not best.converged:
         for factor in (0.7, 1.5):
@@ -163,19 +160,19 @@ def estimate(
 
 def _start_at_instants(
     problem: Likelihood, noise: np.ndarray | None
-) -> tuple[np.ndarray | None, np.ndarray | None]:
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Return start values of a fit: scaled parameters (n,) and noise (4,).
 
     Some effects begin at an unknown instant, such as an added mass. The function first
     fits the model without these effects. Each effect then starts at the instant at which its score
-    is largest. If the model has no such effect, the function returns (None, ``noise``).
+    is largest. If the model has no such effect, the function returns the prior mean and ``noise``.
     """
     from heli3dof.identification.bias_correction.scans import likeliest_instant
 
     structure = problem.structure
     changes = [t for t in structure.terms if t.effect.scan == "instant"]
     if not changes:
-        return None, noise
+        return problem.prior_mean, noise
     others = tuple(t for t in structure.terms if t not in changes)
     rest = replace(problem, structure=replace(structure, terms=others))
     base = estimate(rest, noise=noise)
@@ -183,11 +180,11 @@ def _start_at_instants(
     for t in changes:
         found = likeliest_instant(rest, base.theta, base.optimum.noise, t)
         values |= {f"{t.name}.{p.name}": v for p, v in zip(t.effect.parameters, found, strict=True)}
-    return problem.scaled(structure.values_of(values)), base.optimum.noise
+    return structure.scaled(structure.values_of(values)), base.optimum.noise
 
 
 def _likeliest_start(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 

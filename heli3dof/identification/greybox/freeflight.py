@@ -181,22 +181,12 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
             cause="the recordings are short, or spend their time on the table or at a stop.",
             fix="heli3dof info on the recordings, or method='greybox' with terms",
         )
-    data, rows = [], []
-    for r, _ in flights:
-        runs = _airborne(r)
-        d = data_of([r], runs)
-        where = np.full(len(d.t), -1)
-        for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
-            where[start:stop] = np.arange(run.start, run.stop)
-        data.append(d)
-        rows.append(where)
     there = {k: v for k, v in VARYING.items() if k in structure.names}
     priors = {k: v for k, v in PRIORS.items() if k in structure.names}
     return MultiStep(
         structure,
         tuple(f for _, f in flights),
-        tuple(data),
-        tuple(rows),
+        tuple(data_of([r], _airborne(r)) for r, _ in flights),
         varying=there,
         spread={k: v for k, (_, v) in priors.items()},
         centre={k: v for k, (v, _) in priors.items()},

@@ -90,10 +90,6 @@ class Likelihood:
         """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
         return self.structure.unscaled(theta)
 
-    def scaled(self, values: np.ndarray) -> np.ndarray:
-        """Return the scaled parameters (n,) of ``values`` (n,); the inverse of `values`."""
-        return self.structure.scaled(values)
-
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 

@@ -9,6 +9,7 @@ collects all results in a `FitResult`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -35,13 +36,13 @@ STEP = 1e-2
 
 
 def linear_quantities(
-    found: PhysicalFit, dt: float
+    found: PhysicalFit, model: GreyBoxModel, dt: float
 ) -> tuple[
     tuple[Pole, ...],
     TransferFunctions,
     Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ]:
-    """Return poles, transfer functions and the frequency response of a fit, linearised about hover.
+    """Return poles, transfer functions and frequency response of a fitted model at hover.
 
     The third result is a function: frequencies ω (F,) rad/s → response (F, 3, 2) rad/V, and its
     standard deviation. ``dt`` (s) is the control period.
@@ -53,11 +54,7 @@ def linear_quantities(
 
     def at(point: np.ndarray) -> Continuous:
         values = np.where(absent, null, found.structure.unscaled(point))
-        model = GreyBoxModel(
-            "", found.structure.profile, tuple(t.name for t in found.structure.terms),
-            values, np.zeros(3), np.full((len(point), len(point)), np.nan),
-        )  # fmt: skip
-        return model.linear(dt).continuous()
+        return replace(model, values=values).linear(dt).continuous()
 
     here = at(theta)
     steps = STEP * np.minimum(sd, 1.0)
@@ -130,7 +127,7 @@ def fit_result(
     notes: tuple[str, ...] = (),
 ) -> FitResult:
     """Return a physical fit and its ``model`` as a `FitResult`; ``dt`` (s): control period."""
-    poles, transfer, response = linear_quantities(found, dt)
+    poles, transfer, response = linear_quantities(found, model, dt)
     return FitResult(
         model=model,
         order=len(poles),

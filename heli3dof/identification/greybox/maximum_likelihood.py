@@ -94,7 +94,7 @@ def compile_first(problem: Likelihood) -> None:
 
 def maximise(
     problem: Likelihood,
-    start: np.ndarray | None = None,
+    start: np.ndarray,
     noise: np.ndarray | None = None,
     *,
     rounds: int = ROUNDS,
@@ -102,12 +102,12 @@ def maximise(
     """Return the parameters and noise that maximise likelihood times prior.
 
     ``problem`` is the likelihood, a function of n scaled parameters and the noise. The search
-    starts at the scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the
-    initial process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``rounds``: largest
-    number of iterations, each with a step of the parameters and, if needed, of the noise.
+    starts at the scaled parameters ``start`` (n,). ``noise`` (4,) is the initial process noise on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``rounds``: largest number of iterations, each
+    with a step of the parameters and, if needed, of the noise.
     """
     low, high = problem.bounds
-    theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
+    theta = np.clip(start, low, high)
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     axes = problem.data.axes
     precision = problem.prior_precision

@@ -81,8 +81,6 @@ class MultiStep:
     flights: tuple[Flight, ...]
     data: tuple[Data, ...]
     """For each flight, the rows that the filter uses"""
-    rows: tuple[np.ndarray, ...]
-    """For each flight an array: the flight's row for each row of ``data``, −1 if there is none"""
     varying: Mapping[str, float] = field(default_factory=dict)
     """Parameter with a value per recording → its standard deviation between recordings."""
     spread: Mapping[str, float] = field(default_factory=dict)
@@ -171,11 +169,9 @@ class MultiStep:
         """
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
-        found = filter_jittered(
-            self.structure, self.values(z, i), self.data[i], noise[:3], noise[3]
-        )
-        there = self.rows[i] >= 0
-        X[self.rows[i][there]] = found.states[there]
+        found = filter_jittered(self.structure, self.values(z, i), self.data[i], noise)
+        rows = self.data[i].recorded_rows
+        X[rows[rows >= 0]] = found.states[rows >= 0]
         return X
 
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
@@ -201,7 +197,7 @@ class MultiStep:
         (rad/s²/√Hz) and jitter (s).
         """
         parts = [
-            filter_jittered(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
+            filter_jittered(self.structure, self.values(z, i), d, noise).loglik
             for i, d in enumerate(self.data)
         ]
         return np.asarray(np.sum(parts, axis=0))

@@ -29,7 +29,7 @@ from functools import partial
 import numpy as np
 
 from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, follow_on
-from heli3dof.identification.greybox.multistep import MultiStep
+from heli3dof.identification.greybox.multistep import WINDOW_S, MultiStep
 from heli3dof.model.compiled import compiled
 from heli3dof.model.greybox.prediction import Flight, impulse
 from heli3dof.model.physics import state_layout as _s
@@ -121,7 +121,7 @@ class SmoothedFlight:
     spans: tuple[Span, ...]
 
 
-def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
+def log_of(flight: Flight, window_s: float = WINDOW_S) -> SmoothedFlight:
     """Return the flight with smoothed readings, and with test functions in its prediction windows.
 
     These windows of the length ``window_s`` (s) begin at the rows ``flight.starts``.

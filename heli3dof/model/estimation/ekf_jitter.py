@@ -247,15 +247,13 @@ def filter_jittered(
     values: np.ndarray,
     data: Data,
     noise: np.ndarray,
-    jitter_s: float,
     varying: Mapping[str, float] | None = None,
 ) -> FilterResult:
     """Return the states and log-likelihood of ``data`` by the Kalman filter for sampling jitter.
 
-    ``values`` (n,) are the parameters of ``structure``, ``noise`` (3,) rad/s²/√Hz the process
-    noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: name → prior
-    standard deviation of the B parameters that the filter re-estimates in each run (interval of
-    usable rows).
+    ``values`` (n,) are the parameters of ``structure``, ``noise`` (4,) is process noise on roll,
+    pitch, yaw (rad/s²/√Hz) and jitter (s). ``varying``: name → prior standard deviation of the B
+    parameters that the filter re-estimates in each run (interval of usable rows).
     """
     varying = varying or {}
     X = np.full((len(data.t), 6 + len(varying)), np.nan)
@@ -263,7 +261,7 @@ def filter_jittered(
     _filter(
         *structure.arguments(values), positions(structure, tuple(varying)),
         np.array(list(varying.values()), dtype=float), data.blocks, data.free, data.t, data.h,
-        data.V, data.y, np.asarray(noise, dtype=float) ** 2, float(jitter_s),
+        data.V, data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
         data.rad_per_count**2 / 12, loglik, X,
     )  # fmt: skip
     return FilterResult(X, loglik)

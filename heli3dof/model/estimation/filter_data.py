@@ -86,9 +86,12 @@ class Data:
         )
 
     @property
-    def rows(self) -> int:
-        """Return the number of rows that are used as measurements (without the lead-ins)."""
-        return int((self.blocks[:, 2] - self.blocks[:, 1]).sum())
+    def recorded_rows(self) -> np.ndarray:
+        """Return each row's number (N,) in its recording; −1 in the lead-ins."""
+        out = np.full(len(self.t), -1)
+        for run, (_, start, stop) in zip(self.runs, self.blocks, strict=True):
+            out[start:stop] = np.arange(run.start, run.stop)
+        return out
 
     @property
     def axes(self) -> np.ndarray:

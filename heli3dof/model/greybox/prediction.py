@@ -184,16 +184,11 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
         X[k, :3] -= (m - X[k, :3]) / slope
     if runs:
         d = data_of([recording], runs)
-        a = np.where(model.noise > 0, model.noise, NOISE)
+        filter_inputs = model.structure, model.values, d, noise_of(model)
         if model.varying:
-            states = filter_jittered(
-                model.structure, model.values, d, a, model.jitter_s, model.varying
-            ).states
+            states = filter_jittered(*filter_inputs, model.varying).states
         else:
-            noise = np.append(a, model.jitter_s)
-            found = filter_quantised(
-                model.structure, model.values, d, noise, encoder_noise(d), keep=2
-            )
+            found = filter_quantised(*filter_inputs, encoder_noise(d), keep=2)
             assert found.X is not None
             states = found.X
         for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
@@ -202,6 +197,15 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
     X[:, 3:6][:, ~free] = 0.0
     starts = np.empty(0, dtype=np.int64)
     return Flight(t, h, V, y, free, low, starts, starts_on_table(recording)), X
+
+
+def noise_of(model: GreyBoxModel) -> np.ndarray:
+    """Return an array (4,): the model's process noise of 3 axes in rad/s²/√Hz, its jitter in s.
+
+    The process noise is `NOISE` on axes where the model has none. The jitter is that of the
+    sampling interval.
+    """
+    return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
 
 def predictions(
