@@ -111,7 +111,7 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
     fit = varx(usable, p)
-    x, _ = states(usable, fit, min(orders[-1], 3 * p))
+    x = states(usable, fit, min(orders[-1], 3 * p))
     return {n: realise(usable, x, p, n) for n in orders if n <= x[0].shape[1]}
 
 

@@ -44,8 +44,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
             fix=f"method='pem', order={request.order}",
         )
     d = decimated(prepared, prepared.train, INTERVAL_S)
-    fitted = fit_tf4(d.data, d.interval_s)
-    A, B, C = state_space(fitted, prepared.dt)
+    transfer, offset, S = fit_tf4(d.data, d.interval_s)
+    A, B, C = state_space(transfer, prepared.dt)
     model = LinearModel(
         name=request.name,
         kind="tf4",
@@ -53,13 +53,13 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         B=B,
         C=C,
         K=np.zeros((len(A), 3)),
-        S=fitted.S,
+        S=S,
         u0=d.u_mean,
-        y0=d.y_mean + fitted.offset,
+        y0=d.y_mean + offset,
         dt=prepared.dt,
         exact_hold=True,
     )
-    den, cov = fitted.transfer.den, fitted.transfer.covariance
+    den, cov = transfer.den, transfer.covariance
     assert cov is not None
     found = []
     for s in np.roots(den):
@@ -73,7 +73,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         interval_s=d.interval_s,
         innovations=partial(simulation_errors, model, interval_s=d.interval_s),
         poles=rightmost_first(found),
-        transfer=fitted.transfer,
+        transfer=transfer,
         warnings=(FOURTH_ORDER,),
         response=partial(_response, model),
     )
