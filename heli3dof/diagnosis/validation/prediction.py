@@ -176,7 +176,7 @@ def with_own_values(
         def loglik(value: float, j: int = j) -> float:
             at = theta.copy()
             at[j] = problem.structure.free[j].scaled(value)
-            total = float(recording.run(at, noise, keep=0).loglik.sum())
+            total = float(recording.loglik(at, noise).sum())
             return total if np.isfinite(total) else -np.inf
 
         t = d.t[rows[0] : rows[1]]

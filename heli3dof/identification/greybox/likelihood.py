@@ -100,6 +100,10 @@ class Likelihood:
             self.structure, self.values(theta), self.data, a, self.encoder_noise, keep=keep
         )
 
+    def loglik(self, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return the log-likelihood (3,) by axis at the arguments of `run`."""
+        return self.run(theta, a, keep=0).loglik
+
     def log_prior(self, theta: np.ndarray) -> float:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 

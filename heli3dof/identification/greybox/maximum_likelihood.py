@@ -20,6 +20,7 @@ predicted increase is not checked (`CHECKED_GAIN`). The search ends when half th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -145,8 +146,7 @@ def maximise(
             new = np.clip(theta + part * delta, low, high)
             there = -np.inf
             if gain > CHECKED_GAIN:
-                trial = problem.run(new, a, keep=0)
-                there = float(trial.loglik.sum()) + problem.log_prior(new)
+                there = float(problem.loglik(new, a).sum()) + problem.log_prior(new)
             if gain <= CHECKED_GAIN or there > here:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
@@ -163,8 +163,14 @@ def maximise(
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
 
+class HasLikelihood(Protocol):
+    """A problem with the log-likelihood (3,) by axis, of the scaled parameters and the noise."""
+
+    def loglik(self, theta: np.ndarray, a: np.ndarray, /) -> np.ndarray: ...
+
+
 def noise_step(
-    problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
+    problem: HasLikelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its logarithms, and the largest |step|.
 
@@ -175,7 +181,7 @@ def noise_step(
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
-    mid, up, down = parallel_map(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
+    mid, up, down = parallel_map(lambda i: problem.loglik(theta, at[i]), 3)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (up - down) / (2 * PROBE)
         bend = -(up - 2 * mid + down) / PROBE**2
@@ -198,7 +204,7 @@ def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.
     """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
-        loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())
+        loglik = float(problem.loglik(theta, np.append(a[:3], jitter)).sum())
         if loglik > best_loglik + (JITTER_WORTH if best_loglik > -np.inf else 0.0):
             best, best_loglik = jitter, loglik
         else:

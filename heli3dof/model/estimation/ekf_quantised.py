@@ -67,9 +67,8 @@ STILL = 1e-5
 def propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
     """Advance the filter's covariance P (6, 6) by one step of h s: P ← Φ P Φᵀ + process noise.
 
-    ``A`` (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations with respect to
-    angles q and rates q̇. So Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h. ``a2`` (3,)
-    is the process noise's intensity on each axis ((rad/s²)²/Hz), ``W`` (3, 6) work space.
+    ``A`` (3, 6) is ∂q̈/∂(q, q̇), ``a2`` (3,) the process noise's intensity on each axis
+    ((rad/s²)²/Hz), ``W`` (3, 6) work space.
     """
     for i in range(3):
         for j in range(6):
