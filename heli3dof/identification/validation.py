@@ -69,8 +69,8 @@ class Metrics:
     def to_json(self) -> dict[str, Any]:
         """Return ``fit_percent`` and ``rmse_deg`` by axis, and the `replay_note`.
 
-        The note is the reason why there is no replay, or that it diverges; else "". Each axis has
-        the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable scores are NaN.
+        Each axis has the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable
+        scores are NaN.
         """
         named = {("one_step" if h == 0 else f"{h:g}_s"): s for h, s in self.prediction.items()}
         named["closed_loop_replay"] = self.replay

@@ -48,11 +48,7 @@ class ScoreBias:
     """(4,) a_0 (rad/s²/√Hz) on three axes, and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return the term to subtract from the log-likelihood at ``theta`` (n,), ``noise`` (4,).
-
-        The term is linear in the parameters and the log noise: their differences from the values of
-        the simulated flights, times the log-likelihood's mean derivatives in these flights.
-        """
+        """Return ℓ + ln prior − ℓ_c at ``theta`` (n,), ``noise`` (4,): what the bias adds to ℓ."""
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
 
@@ -101,7 +97,7 @@ def maximise_corrected(
             new = np.clip(theta + delta, low, high)
             new_value = -np.inf
             if gain > CHECKED_GAIN:
-                new_value = corrected(problem.run(new, a, keep=0).loglik, new, a)
+                new_value = corrected(problem.loglik(new, a), new, a)
             if gain <= CHECKED_GAIN or new_value > value:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)

@@ -86,10 +86,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def coloured_noise_factor(self) -> np.ndarray:
-        """Return the factors (n,) by which coloured noise multiplies the parameters' variances.
-
-        They are 1 if no flights were simulated.
-        """
+        """Return the factors ρ (n,) of `coloured_noise`; 1 if no flights were simulated."""
         if self.score_covariance is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.score_covariance)
@@ -116,10 +113,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the factor by which unmodelled motion increases the parameters' variances.
-
-        It is the mean of `coloured_noise_factor`, or `inflation` if no flights were simulated.
-        """
+        """Return the mean of `coloured_noise_factor`; `inflation` if no flights were simulated."""
         return float(self.coloured_noise_factor.mean()) if self.is_corrected else self.inflation
 
 
@@ -277,12 +271,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if the mean derivatives must be computed again for ``theta``, ``noise``.
-
-        The derivatives are valid near the parameters and noise of the simulated flights.
-        `REUSED_WITHIN` limits two differences from these: that of the noise's logarithms, and that
-        of the parameters, in standard deviations.
-        """
+        """Return True if ``theta`` (n,) or ``noise`` (4,) differ by more than `REUSED_WITHIN`."""
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()
@@ -292,11 +281,7 @@ class NoiseScoreBias:
 def optimum_at(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, converged: bool
 ) -> Optimum:
-    """Return the `Optimum` of a search that ended at ``theta`` and ``noise``.
-
-    ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter;
-    ``count``: number of iterations.
-    """
+    """Return the `Optimum` of a search that ended after ``count`` iterations."""
     low, high = problem.bounds
     point = evaluate(problem, theta, noise, with_noise_derivatives=False)
     loglik = float(point.at.loglik.sum()) + problem.log_prior(theta)

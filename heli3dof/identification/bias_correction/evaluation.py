@@ -86,7 +86,7 @@ def evaluate(
     def part(i: int) -> Any:
         if i == 0:
             return centre()
-        return problem.run(theta, noise * factor if i == 1 else noise / factor, keep=0).loglik
+        return problem.loglik(theta, noise * factor if i == 1 else noise / factor)
 
     if not with_noise_derivatives:
         return centre()

@@ -45,8 +45,7 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
 
     ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs,
     in every recording, a known controller (`model.control.voltage_replay`), all angles and their
-    references. If the correction diverges, the result is ``found``, too. It can diverge because the
-    controller need not stabilise the fitted rig.
+    references. If the correction diverges, the result is ``found``, too.
     """
     if found.inflation <= MAX_INFLATION:
         return found

@@ -66,12 +66,7 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def inflation(self) -> float:
-        """Return κ ≥ 1, by which the covariance of the estimates is multiplied.
-
-        κ is the ratio of two variances of the score (the log-likelihood's gradient): the one
-        observed between blocks of the flight, and the one that the noise model expects. A flight
-        with fewer than 2 n + 2 blocks has κ = 1.
-        """
+        """Return κ (see the module); 1 for a flight with fewer than 2 n + 2 blocks."""
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o)
         m = len(scores)
@@ -88,10 +83,9 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return the scores' variance, divided by the variance that the noise model expects.
+        """Return the ratio of the scores' variance to the expected one.
 
-        Scores are the log-likelihood's gradients. For a bias-corrected fit, the divisor is their
-        variance in simulated flights.
+        The noise model gives the expected variance; for a bias-corrected fit, simulated flights do.
         """
         return self.inflation
 
@@ -217,7 +211,7 @@ def _likeliest_start(
 def _loglik_at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
     for _ in range(SETTLING):
         a, _ = noise_step(problem, theta, a, problem.data.axes)
-    return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a
+    return float(problem.loglik(theta, a).sum()) + problem.log_prior(theta), a
 
 
 def block_scores(data: Data, optimum: Optimum) -> np.ndarray:

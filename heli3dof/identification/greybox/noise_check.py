@@ -64,19 +64,12 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the prediction RMSE (3,) in degrees that white process noise would cause.
-
-        The predictions are `HORIZON_S` ahead; ``noise`` is the intensity of the process noise.
-        """
+        """Return σ(`HORIZON_S`) (3,) in degrees: the RMSE that white noise would cause."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: the axes whose fitted process noise is too large to be noise.
-
-        The noise exceeds `TIMES` times that of known rigs, and the prediction errors that it
-        implies exceed `OVER` times the actual ones.
-        """
+        """Return (3,) bool: the axes that meet both conditions of the module."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 

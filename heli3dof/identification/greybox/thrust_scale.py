@@ -70,10 +70,7 @@ class ThrustScale:
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return True if the thrust gain deviates from the profile's by more than ``tolerance``.
-
-        The deviation ln k must be significant, that is, above `SCALE_QUANTILE` standard deviations.
-        """
+        """Return True if the thrust gain deviates significantly by more than ``tolerance``."""
         ln_k = float(np.log(self.k))
         return abs(ln_k) > max(abs(edge(ln_k, tolerance)), SCALE_QUANTILE * self.std)
 
@@ -101,11 +98,9 @@ def thrust_scale(fit: PhysicalFit | GreyBoxModel) -> ThrustScale:
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
-    """Return the thrust gain's ratio k to nominal, from the ratios x (4,) of fitted parameters.
+    """Return the thrust gain's ratio k to nominal, from the ratios x/X_nominal (4,), here x.
 
-    x are the fitted gravity torque and inertias, divided by the nominal ones; ``std`` (4,) are the
-    standard deviations of x. ``s`` is the relative error of the profile's values. Ratios that are
-    not positive are ignored.
+    ``std`` (4,): their standard deviations. Ratios that are not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)
