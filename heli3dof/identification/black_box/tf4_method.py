@@ -21,7 +21,7 @@ from heli3dof.identification.fit_result import (
     Request,
     rightmost_first,
 )
-from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.preprocessing import Prepared, segments
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 
@@ -92,13 +92,12 @@ def simulation_errors(
     ``runs`` are row ranges of the recordings in ``prepared``. The function decimates these rows to
     the interval ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
     """
-    d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)
     A, B, C = (np.ascontiguousarray(a) for a in (at.A, at.B, at.C))
     none = np.zeros((len(A), 3))
     E, U = [], []
-    for u, y in d.data:
-        u1, y1 = np.ascontiguousarray(u + d.u_mean - at.u0), y + d.y_mean - at.y0
+    for u, y in segments(prepared, runs, round(interval_s / prepared.dt)):
+        u1, y1 = np.ascontiguousarray(u - at.u0), y - at.y0
         e = y1 - filter_states(A, B, none, u1, np.ascontiguousarray(y1), np.zeros(len(A))) @ C.T
         O = free_responses(A, C, len(u1)).reshape(-1, len(A))
         x0 = np.linalg.lstsq(O, e.ravel(), rcond=1e-10)[0]

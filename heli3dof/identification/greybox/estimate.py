@@ -201,17 +201,13 @@ def _likeliest_start(
             *(problem.structure.free[j].scaled(v) for v in term.effect.starts),
         ):
             theta[j] = start
-            loglik, a = _loglik_at(problem, theta, a)
+            for _ in range(SETTLING):
+                a, _ = noise_step(problem, theta, a, problem.data.axes)
+            loglik = float(problem.loglik(theta, a).sum()) + problem.log_prior(theta)
             if loglik > best:
                 best, chosen, settled = loglik, start, a
         theta[j], a = chosen, settled
     return theta, a
-
-
-def _loglik_at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
-    for _ in range(SETTLING):
-        a, _ = noise_step(problem, theta, a, problem.data.axes)
-    return float(problem.loglik(theta, a).sum()) + problem.log_prior(theta), a
 
 
 def block_scores(data: Data, optimum: Optimum) -> np.ndarray:

@@ -41,7 +41,7 @@ class Likelihood:
     structure: Structure
     noise_steps: float = ENCODER_NOISE
     """Standard deviation of the encoder readings' noise, in encoder steps"""
-    known_noise: tuple[bool, bool, bool] = (False, False, False)
+    known_noise: tuple[bool, ...] = (False, False, False)
     """Roll, pitch, yaw: True if the axis' process noise is known, so that no fit changes it"""
 
     @property
@@ -134,8 +134,7 @@ class Likelihood:
 def diverged(D: np.ndarray) -> np.ndarray:
     """Return (n,) bool: the rows of D (n, E) with a value that is not finite or is too large.
 
-    D are the derivatives of E predicted readings with respect to n scaled parameters. A value is
-    too large if its modulus exceeds `DIVERGED`.
+    D are the derivatives of E predicted readings by n scaled parameters; `DIVERGED` limits them.
     """
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 

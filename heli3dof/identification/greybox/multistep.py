@@ -110,18 +110,18 @@ class MultiStep:
     @cached_property
     def start(self) -> np.ndarray:
         """Return the optimiser's start point (dim,): the prior mean of the scaled parameters."""
-        theta = self.structure.scaled(self.structure.values_of(self.centre))
-        return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
+        return self.for_flights(self.structure.scaled(self.structure.values_of(self.centre)))
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         free = self.structure.free
-        out = []
-        for side in ("low", "high"):
-            other = self.least if side == "low" else {}
-            c = np.array([f.scaled(other.get(f.name, getattr(f, side))) for f in free])
-            out.append(np.concatenate([c, np.tile(c[self.own], len(self.flights))]))
-        return out[0], out[1]
+        low = self.structure.scaled(self.least.get(f.name, f.low) for f in free)
+        high = self.structure.scaled(f.high for f in free)
+        return self.for_flights(low), self.for_flights(high)
+
+    def for_flights(self, theta: np.ndarray) -> np.ndarray:
+        """Return (dim,): ``theta`` (n,), then its parameters that vary, once for each flight."""
+        return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
     @cached_property
     def prior(self) -> np.ndarray:

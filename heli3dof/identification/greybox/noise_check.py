@@ -114,7 +114,9 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     if request.terms is None and (reason := likelihood_obstacle(sources)):
         if request.name == request.method:  # the default name
             request = replace(request, name=freeflight.METHOD)
-        return freeflight.as_replacement(freeflight.fit(prepared, request), reason)
+        found = freeflight.fit(prepared, request)
+        warnings = (f"{reason} {freeflight.INSTEAD}", *found.warnings)
+        return replace(found, method=freeflight.METHOD, warnings=warnings)
     return method.fit(prepared, request)
 
 

@@ -232,8 +232,7 @@ def filter_blocks(  # type: ignore[no-untyped-def]
                 apply_event(x, P, i, scale, g, info, column)
                 if keep >= 1:
                     row[E], state[E], C[E], G[E], W[E] = k, i, at, g, info
-                    for j in range(6):
-                        K[E, j] = column[j]
+                    K[E] = column
                 E += 1
                 if rate != 0.0:
                     scale *= rate
@@ -244,15 +243,12 @@ def filter_blocks(  # type: ignore[no-untyped-def]
                     if keep >= 1:
                         up = 3 + i if rate > 0.0 else 6 + i
                         row[E], state[E], C[E], G[E], W[E] = k, up, at, g, info
-                        for j in range(6):
-                            K[E, j] = column[j]
+                        K[E] = column
                     E += 1
             if keep >= 2:
-                for j in range(6):
-                    X[k, j] = x[j]
+                X[k, :6] = x
             if keep >= 3:
-                for i in range(3):
-                    X[k, 6 + i] = loglik[i]
+                X[k, 6:] = loglik
             if k + 1 < stop:
                 if since >= RELINEARISE_S:
                     since = 0.0

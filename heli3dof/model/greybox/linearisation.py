@@ -275,6 +275,5 @@ def _delayed(
         big[:n, n + 2 * (whole - 1) : n + 2 * whole] += (1 - part) * B
     big[:n, n + 2 * whole : n + 2 * whole + 2] += part * B
     into[n : n + 2] = np.eye(2)
-    for i in range(1, m):
-        big[n + 2 * i : n + 2 * i + 2, n + 2 * i - 2 : n + 2 * i] = np.eye(2)
+    big[n + 2 :, n:-2] = np.eye(2 * m - 2)
     return big, into, np.hstack([C, np.zeros((3, 2 * m))])
