@@ -33,8 +33,8 @@ SHARE_MIN = 0.005
 class Feedback:
     """The result of a feedback test: χ² statistic, p-value, and whether feedback is ``present``.
 
-    ``share`` (0 to 1) is the part of the variance of the voltages' innovations w that the angles'
-    innovations e explain. ``sentence`` states the result for the report.
+    ``share`` (0 to 1) is the part of the variance of w that e explains (see the module).
+    ``sentence`` states the result for the report.
     """
 
     statistic: float

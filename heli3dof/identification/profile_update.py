@@ -218,9 +218,9 @@ def ratios(
 ) -> dict[str, Measured]:
     """Return the hover voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
-    Flights do not identify the thrust gain K_f, so the trim torque T_g and the inertias J contain
-    its error. In V_o, the voltage of level hover, and in K_f/J it cancels. The arguments are those
-    of `profile_keys`. V_o is left out if ``hover`` is None. The result is empty if ``base`` is.
+    Flights do not identify the thrust gain K_f, so the inertias J contain its error; in K_f/J it
+    cancels. The arguments are those of `profile_keys`. V_o, the voltage of level hover, is left out
+    if ``hover`` is None. The result is empty if ``base`` is.
     """
     if not base:
         return {}
@@ -230,7 +230,6 @@ def ratios(
     for axis in AXES:
         J = base[f"J_{axis}"]
         value = K_f.value / J.value
-        # J is proportional to the estimated K_f, so the error of K_f cancels in the ratio.
         variance = max((J.std / J.value) ** 2 - (K_f.std / K_f.value) ** 2, 0.0)
         out[f"K_f/J_{axis}"] = Measured(K_f.nominal / J.nominal, value, abs(value) * sqrt(variance))
     return out

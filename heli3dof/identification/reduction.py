@@ -186,8 +186,8 @@ class _Channel:
     ) -> FactoredTransferFunction | None:
         """Return the candidate nearest to the fitted response G, with its gain refitted.
 
-        Nearest means: with the smallest maximum of |H − G|/``limit`` over the frequencies. The
-        result is None if this maximum exceeds 1 for every candidate. ``poles``: as in `refitted`.
+        Nearest means: with the smallest deviation, the second result of `refitted`. The result is
+        None if it exceeds 1 for every candidate. ``poles``: as in `refitted`.
         """
         best, least = None, 1.0
         for H, deviation in (self.refitted(H, poles=poles) for H in candidates):
@@ -251,14 +251,10 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
-    """Yield the simplifications of H that have fewer factors.
+    """Yield the simplifications of H that have fewer factors (the second to fourth of the module).
 
-    Each simplification lacks one of these:
-
-    - a numerator factor
-    - a numerator and a denominator factor of the same order (1 or 2)
-    - a real pole beyond ``highest`` (rad/s), if the denominator's degree then still exceeds the
-      numerator's
+    A pole beyond ``highest`` (rad/s) moves to infinity only if the denominator's degree then still
+    exceeds the numerator's. Only factors of the same order (1 or 2) cancel.
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):

@@ -123,10 +123,7 @@ def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: rows with the motors ``off``, and the rows after them in which roll falls.
-
-    ``off`` (N,) bool are the rows with both voltages zero; ``roll`` (N,) in rad.
-    """
+    """Return (N,) bool: the rows ``off``, and the rows after them in which ``roll`` (rad) falls."""
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
         k = int(end)
@@ -139,8 +136,7 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 def _falling(roll: np.ndarray) -> np.ndarray:
     """Return (N,) bool: the rows after ``roll`` (N,) rad was last above half of its first value.
 
-    The first value is the (negative) angle on the table. No row is True if the recording does not
-    start there.
+    No row is True if the recording does not start on the table.
     """
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:

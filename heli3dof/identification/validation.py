@@ -132,8 +132,7 @@ def predictions(
 def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     """Return the number of rows (at most ``most``) before ``run`` in which the filter can settle.
 
-    These rows belong to another run, which ends directly before ``run``. The result is 0 if there
-    is no such run, or if a gap separates the two.
+    These rows belong to another run, which ends directly before ``run``, without a gap.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:

@@ -121,10 +121,9 @@ def misreading(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how other parameter values change the encoder readings (rad) at unchanged angles.
 
-    ``sets`` are J + 1 sets of parameter values; the changes are relative to the first set.
-    ``wide``: the structure of these models, which may have more effects than that of ``p``. Returns
-    the changes (J, E) at the filter's E events, and (J, B, 3) at the starts of the data's B blocks.
-    A block is a run of rows that the filter processes without interruption.
+    ``sets`` are J + 1 sets of parameter values of the structure ``wide``, as for `forcing`. The
+    changes are relative to the first set. Returns the changes (J, E) at the filter's E events, and
+    (J, B, 3) at the starts of the data's B blocks.
     """
     at, blocks = p.at, p.data.blocks
     assert at.X is not None
@@ -140,9 +139,7 @@ def forward(
     """Return δc (J, E): how J changes of the model change the filter's E predicted readings.
 
     ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks of time. ``m`` (J, E) and
-    ``m0`` (J, B, 3): changes of the encoder readings (rad) at unchanged angles, as `misreading`
-    returns them. ``m`` are those at the filter's updates, ``m0`` those at the starts of the data's
-    B blocks (runs without gaps). None: the readings do not change.
+    ``m0`` (J, B, 3): the result of `misreading`; None: the readings do not change.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -156,8 +153,7 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of the weighted sums Σ_e q_e δc_e over the filter's E readings.
 
-    δc_e is the change of the prediction of reading e. ``q`` (M, E) are M sets of weights q_e. The
-    three results are the derivatives with respect to changes of
+    ``q`` (M, E) are M sets of weights q_e. The three results are the derivatives by changes of
 
     - the model's accelerations in C chunks of time, (M, C, 3)
     - the encoder readings at unchanged angles, (M, E)

@@ -88,8 +88,8 @@ def _response(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the response of ``here`` at ω (F,) rad/s, and its standard deviation.
 
-    ``moved``: n models, in each of which one scaled parameter is moved by its step in ``steps``
-    (n,). ``cov`` (n, n): covariance of the scaled parameters.
+    In each of the n models ``moved``, one parameter is moved by its step in ``steps`` (n,); ``cov``
+    (n, n) is P.
     """
     G0 = here.response(omega)
     dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])
@@ -101,8 +101,7 @@ def _response(
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
     """Return each run's prediction errors (rad) and mean voltages (V), every `TEST_INTERVAL_S` s.
 
-    ``runs`` are ranges of usable rows of the recordings in ``prepared``. Predictions are
-    `TEST_INTERVAL_S` ahead; the voltages are means over the predicted interval.
+    Predictions are `TEST_INTERVAL_S` ahead; the voltages are means over the predicted interval.
     """
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []

@@ -94,10 +94,7 @@ class Span:
     """(L,) weights of the sum for ∫ φ″ · dt"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², at the n positions of the test function φ.
-
-        q (N, 3) rad are the angles, a (N, 3) rad/s² the model's accelerations.
-        """
+        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², of q (N, 3) rad and a (N, 3) rad/s²."""
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -189,7 +186,7 @@ def robust_std(e: np.ndarray) -> np.ndarray:
     """
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
-    for i in range(3):  # errors are zero on an axis that was not measured
+    for i in range(3):
         if (there := e[:, i] != 0).any():
             out[i] = 1.4826 * np.median(np.abs(e[there, i]))
     return np.maximum(out, 1e-6)
