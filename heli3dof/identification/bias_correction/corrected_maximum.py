@@ -25,7 +25,7 @@ from heli3dof.identification.bias_correction.evaluation import (
     fixed_parameters,
 )
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import Optimum, scaled_noise
+from heli3dof.identification.greybox.maximum_likelihood import Optimum, damped_step, scaled_noise
 
 ROUNDS = 14
 TOLERANCE = 0.02  # predicted gain of the log-likelihood at which the search ends, chosen
@@ -87,10 +87,7 @@ def maximise_corrected(
         free = problem.movable(theta, g) & ~fixed
         gain, accepted = 0.0, False
         for _ in range(10):
-            damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])
-            delta = np.zeros(len(theta))
-            delta[free] = np.linalg.solve(damped, g[free])
-            gain = 0.5 * float(g[free] @ delta[free])
+            delta, gain = damped_step(A, g, free, lam)
             if gain < TOLERANCE:
                 accepted = True
                 break

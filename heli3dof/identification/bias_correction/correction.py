@@ -32,7 +32,7 @@ from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_p
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.estimate import Estimate, cramer_rao
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import Optimum, scaled_noise
+from heli3dof.identification.greybox.maximum_likelihood import Optimum, damped_step, scaled_noise
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import replicate
@@ -200,9 +200,8 @@ def corrected_from(
         g = recorded.g - scores.mean(axis=0) - precision * (theta - problem.prior_mean)
         H = 0.5 * (recorded.H + informations.mean(axis=0))
         A = H + np.diag(precision)
-        step = np.zeros(n)
         free = problem.movable(theta, g) & ~fixed_parameters(problem)
-        step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
+        step, _ = damped_step(A, g, free, 0.0)
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         if update:
             noise_bias = NoiseScoreBias(

@@ -131,10 +131,7 @@ def maximise(
         gain, part = 0.0, 1.0
         accepted = False
         for tried in range(12):
-            damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])
-            delta = np.zeros(len(theta))
-            delta[go] = np.linalg.solve(damped, g[go])
-            gain = 0.5 * float(g[go] @ delta[go])
+            delta, gain = damped_step(A, g, go, lam)
             if not tried:
                 is_reversed = bool(last @ A @ delta < 0)
                 turns += count > FULL_STEP_ROUNDS and gain <= CHECKED_GAIN and is_reversed
@@ -161,6 +158,19 @@ def maximise(
         D = problem.tangents(theta, at)
     g, H = score_and_information(at, D)
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
+
+
+def damped_step(
+    A: np.ndarray, g: np.ndarray, free: np.ndarray, lam: float
+) -> tuple[np.ndarray, float]:
+    """Return the step δ (n,) with the factor λ = ``lam``, and half the Newton decrement.
+
+    Only the parameters ``free`` (n,) bool change. A (n, n) is H + Λ, g (n,) the right side.
+    """
+    damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])
+    delta = np.zeros(len(g))
+    delta[free] = np.linalg.solve(damped, g[free])
+    return delta, 0.5 * float(g[free] @ delta[free])
 
 
 class HasLikelihood(Protocol):
