@@ -17,7 +17,7 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.file_kind import no_file
-from heli3dof.identification.greybox.thrust_scale import scale_of_model
+from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.effects.empirical import PREFIX, factors, unit_of_product
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.model_file import read_model
@@ -101,7 +101,7 @@ def _of_model(path: Path, data: dict[str, Any]) -> list[Formula]:
     model = read_model(path) if data.get("parameters") else None
     if not isinstance(model, GreyBoxModel):
         return []
-    out, scale = [], scale_of_model(model)
+    out, scale = [], thrust_scale(model)
     for p in data.get("parameters", ()):
         term, _, parameter = str(p["name"]).rpartition(".")
         effect, _, axis = term.rpartition(".")

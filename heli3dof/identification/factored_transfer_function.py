@@ -8,7 +8,7 @@ The gain k is in rad/V/s^m, with m the number of poles minus the number of zeros
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,11 @@ class Factor:
 
     def at(self, s: np.ndarray) -> np.ndarray:
         """Return the factor's values at the complex frequencies ``s`` (F,) rad/s."""
-        return np.asarray(np.polyval([1.0, *self.coefficients], s))
+        first, *others = self.coefficients
+        value = s + first  # Horner's scheme, several times faster here than `np.polyval`
+        for c in others:
+            value = value * s + c
+        return np.asarray(value)
 
     def __str__(self) -> str:
         """Return text such as ``(s+10.03±0.17)`` or ``(s²+(0.054±0.039)s+1.114±0.047)``.
@@ -87,17 +91,13 @@ class FactoredTransferFunction:
         bottom = below[0] if len(below) == 1 else f"[{' '.join(below)}]"
         return f"{' '.join(parts)} / {bottom}"
 
-    def at(self, s: np.ndarray, values: Callable[[Factor], np.ndarray] | None = None) -> np.ndarray:
-        """Return the response in rad/V at the complex frequencies ``s`` (F,) rad/s.
-
-        ``values`` is a function that returns a factor's values (F,) at ``s``; default: `Factor.at`.
-        """
-        value = values or (lambda f: f.at(s))
+    def at(self, s: np.ndarray) -> np.ndarray:
+        """Return the response in rad/V at the complex frequencies ``s`` (F,) rad/s."""
         G = np.full(np.shape(s), self.gain, dtype=complex)
         for f in self.numerator:
-            G = G * value(f)
+            G = G * f.at(s)
         for f in self.denominator:
-            G = G / value(f)
+            G = G / f.at(s)
         return G
 
     def to_control(self) -> control.TransferFunction:

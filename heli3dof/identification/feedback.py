@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.distributions import chi2_sf
-from heli3dof.identification.black_box.pbsid import Pair, past, varx
+from heli3dof.identification.black_box.pbsid import Pair, varx
 
 LEVEL = 1e-3
 """Significance level of the feedback test"""
@@ -33,8 +33,8 @@ SHARE_MIN = 0.005
 class Feedback:
     """The result of a feedback test: χ² statistic, p-value, and whether feedback is ``present``.
 
-    ``share`` (0 to 1) is the part of the variance of the voltages' innovations w that the angles'
-    innovations e explain. ``sentence`` states the result for the report.
+    ``share`` (0 to 1) is the part of the variance of w that e explains (see the module).
+    ``sentence`` states the result for the report.
     """
 
     statistic: float
@@ -53,7 +53,7 @@ def feedback_test(data: Sequence[Pair]) -> Feedback:
     p, h = ORDER, LAGS
     long = [(u, y) for u, y in data if len(u) > 3 * p]
     fit = varx(long, p)
-    w = _input_innovations(long, p)
+    w = varx([(u[:, :0], u) for u, _ in long], p).innovations
     e = fit.innovations
     cov_w = np.mean(np.vstack([a.T @ a / len(a) for a in w]).reshape(-1, 2, 2), axis=0)
     size = float(np.mean([np.var(u) for u, _ in long]))
@@ -80,17 +80,6 @@ def feedback_test(data: Sequence[Pair]) -> Feedback:
     p_value = float(chi2_sf(q, dof))
     present = p_value < LEVEL and share > SHARE_MIN
     return Feedback(q, dof, p_value, share, present, _sentence(q, dof, p_value, share, present))
-
-
-def _input_innovations(data: Sequence[Pair], p: int) -> list[np.ndarray]:
-    none = [np.zeros((len(u), 0)) for u, _ in data]
-    Z = np.vstack([past(u, y, p) for (u, _), y in zip(data, none, strict=True)])
-    U = np.vstack([u[p:] for u, _ in data])
-    Z = np.hstack([Z, np.ones((len(Z), 1))])
-    theta, *_ = np.linalg.lstsq(Z, U, rcond=1e-10)
-    W = U - Z @ theta
-    ends = np.cumsum([len(u) - p for u, _ in data])[:-1]
-    return list(np.split(W, ends))
 
 
 def _whitener(cov: np.ndarray) -> np.ndarray:

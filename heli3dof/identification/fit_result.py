@@ -90,10 +90,10 @@ class CandidateOrder:
 
     order: int
     interval_s: float
-    score: float
-    log_likelihood: float
-    bic: float
-    problem: str
+    score: float = -np.inf
+    log_likelihood: float = -np.inf
+    bic: float = np.inf
+    problem: str = ""
     """Why the fit cannot be used; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:

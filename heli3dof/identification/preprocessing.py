@@ -57,8 +57,7 @@ HELD_OUT_SHARE = 0.25
 class RecordingReport:
     """Sampling statistics of one recording, and the shares of usable and of left-out rows.
 
-    ``clipped_share`` is the share of rows that are usable and have a voltage at the amplifier's
-    limit. ``segments`` is the number of runs of usable rows.
+    ``clipped_share``: usable rows at the amplifier's limit; ``segments``: number of usable runs.
     """
 
     name: str

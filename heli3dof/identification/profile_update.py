@@ -22,7 +22,7 @@ not change the profile; `Calibration.left_out` lists them.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, sqrt
 from pathlib import Path
@@ -37,7 +37,7 @@ from heli3dof.identification.greybox.thrust_scale import (
     BASE,
     TORQUE_UNITS,
     Measured,
-    scale_of_model,
+    thrust_scale,
 )
 from heli3dof.model.greybox.linearisation import LevelHover, level_hover
 from heli3dof.rig.profile import Profile
@@ -150,7 +150,7 @@ def _from_model(path: Path) -> Calibration:
         )
     free = model.structure.free[:4]
     std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
-    scale = scale_of_model(model)
+    scale = thrust_scale(model)
     K_f = model.profile.motor.K_f
     base = {"K_f": Measured(K_f, K_f * scale.k, K_f * scale.k * scale.std)}
     for f, v, s in zip(free, model.values, std, strict=False):
@@ -165,9 +165,8 @@ def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> Non
 
     ``file``: name of the file of ``profile``, for the message.
     """
-    J = dict(zip(AXES, profile.inertias, strict=True))
-    nominal = {"K_f": profile.motor.K_f, "T_g": profile.trim_torque}
-    nominal |= {f"J_{axis}": J[axis] for axis in AXES}
+    values = profile.motor.K_f, profile.trim_torque, *profile.inertias
+    nominal = dict(zip(BASE, values, strict=True))
     for name, m in calibration.base.items():
         if abs(m.nominal - nominal[name]) > SAME_NOMINAL * max(abs(nominal[name]), abs(m.nominal)):
             raise UsageError(
@@ -180,8 +179,16 @@ def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> Non
 
 def changes(calibration: Calibration, profile: Profile) -> list[Change]:
     """Return the changes of the profile: key, old and new value, and source of the new value."""
-    base = [_change(calibration, key, m) for key, m in calibration.keys.items()]
-    return [*base, *_encoder_changes(calibration, profile)]
+    out = [_change(calibration, key, m) for key, m in calibration.keys.items()]
+    for axis, factor in calibration.counts.items():
+        before = getattr(profile.encoder, axis)
+        source = _source_comment(calibration, before)
+        out.append(Change(f"encoder.{axis}", round(before * factor), before, source))
+    for axis, added in calibration.rest_deg.items():
+        before = getattr(profile.encoder, f"{axis}_rest_deg")
+        source = _source_comment(calibration, before)
+        out.append(Change(f"encoder.{axis}_rest_deg", round(before + added, 3), before, source))
+    return out
 
 
 def profile_keys(
@@ -211,9 +218,9 @@ def ratios(
 ) -> dict[str, Measured]:
     """Return the hover voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
-    Flights do not identify the thrust gain K_f, so the trim torque T_g and the inertias J contain
-    its error. In V_o, the voltage of level hover, and in K_f/J it cancels. The arguments are those
-    of `profile_keys`. V_o is left out if ``hover`` is None. The result is empty if ``base`` is.
+    Flights do not identify the thrust gain K_f, so the inertias J contain its error; in K_f/J it
+    cancels. The arguments are those of `profile_keys`. V_o, the voltage of level hover, is left out
+    if ``hover`` is None. The result is empty if ``base`` is.
     """
     if not base:
         return {}
@@ -223,42 +230,14 @@ def ratios(
     for axis in AXES:
         J = base[f"J_{axis}"]
         value = K_f.value / J.value
-        spread = abs(value) * _relative_std_without_K_f(J, K_f)
-        out[f"K_f/J_{axis}"] = Measured(K_f.nominal / J.nominal, value, spread)
+        variance = max((J.std / J.value) ** 2 - (K_f.std / K_f.value) ** 2, 0.0)
+        out[f"K_f/J_{axis}"] = Measured(K_f.nominal / J.nominal, value, abs(value) * sqrt(variance))
     return out
 
 
 def ratio_unit(name: str) -> str:
     """Return the unit of ``name``, one of the keys of what `ratios` returns."""
     return "V" if name == "V_o" else "N/(V·kg·m²)"
-
-
-def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative std of m/K_f, for a torque or inertia m in SI.
-
-    m is proportional to the estimated K_f, so the error of K_f cancels in m/K_f.
-    """
-    return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
-
-
-def _relative_std(m: Measured) -> float:
-    return m.std / abs(m.value) if m.value else 0.0
-
-
-def _encoder_changes(calibration: Calibration, profile: Profile) -> Iterator[Change]:
-    for axis, factor in calibration.counts.items():
-        before = getattr(profile.encoder, axis)
-        yield Change(
-            f"encoder.{axis}", round(before * factor), before, _source_comment(calibration, before)
-        )
-    for axis, added in calibration.rest_deg.items():
-        before = getattr(profile.encoder, f"{axis}_rest_deg")
-        yield Change(
-            f"encoder.{axis}_rest_deg",
-            round(before + added, 3),
-            before,
-            _source_comment(calibration, before),
-        )
 
 
 def _change(calibration: Calibration, key: str, m: Measured) -> Change:

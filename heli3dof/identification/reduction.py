@@ -94,8 +94,6 @@ class _Channel:
         k = len(transfer.den)
         weights = INPUTS[name]
         self.axis, self.name, self.s, self.poles = axis, name, s, poles
-        self._factors: dict[tuple[float, ...], np.ndarray] = {}
-        """Coefficients of a factor → its values (F,) at ``s``"""
         self.num, self.den = transfer.num[axis].T @ weights, transfer.den
         powers = s[:, None] ** np.arange(k - 1, -1, -1)
         D = powers @ self.den
@@ -166,12 +164,6 @@ class _Channel:
                 roots = double
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
-    def _values(self, f: Factor) -> np.ndarray:
-        """Return a factor's values (F,) at ``s``, cached because candidates have common factors."""
-        if f.coefficients not in self._factors:
-            self._factors[f.coefficients] = f.at(self.s)
-        return self._factors[f.coefficients]
-
     def refitted(
         self, H: FactoredTransferFunction, *, poles: bool = False
     ) -> tuple[FactoredTransferFunction, float]:
@@ -181,7 +173,7 @@ class _Channel:
         gain is fitted by least squares with the weights 1/``limit``². ``poles``: H and G differ in
         poles, so compare 1/H with 1/G.
         """
-        shape = replace(H, gain=1.0).at(self.s, self._values)
+        shape = replace(H, gain=1.0).at(self.s)
         w = 1 / self.limit**2
         gain = float(np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2))
         deviation = np.abs(gain * shape - self.G) / self.limit
@@ -194,8 +186,8 @@ class _Channel:
     ) -> FactoredTransferFunction | None:
         """Return the candidate nearest to the fitted response G, with its gain refitted.
 
-        Nearest means: with the smallest maximum of |H − G|/``limit`` over the frequencies. The
-        result is None if this maximum exceeds 1 for every candidate. ``poles``: as in `refitted`.
+        Nearest means: with the smallest deviation, the second result of `refitted`. The result is
+        None if it exceeds 1 for every candidate. ``poles``: as in `refitted`.
         """
         best, least = None, 1.0
         for H, deviation in (self.refitted(H, poles=poles) for H in candidates):
@@ -207,14 +199,14 @@ class _Channel:
         """Return H with the standard deviations of gain and coefficients."""
         if self.covariance is None:
             return H
-        response = H.at(self.s, self._values)
+        response = H.at(self.s)
         columns = [response / H.gain]
         for sign, factors in ((1, H.numerator), (-1, H.denominator)):
             for f in factors:
                 n = len(f.coefficients)
                 if any(f.coefficients):
                     columns += [
-                        sign * response * self.s**p / self._values(f) for p in range(n - 1, -1, -1)
+                        sign * response * self.s**p / f.at(self.s) for p in range(n - 1, -1, -1)
                     ]
         w = 1 / self.limit[:, None]
         J, S = w * np.column_stack(columns), w * self.S
@@ -259,14 +251,10 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
-    """Yield the simplifications of H that have fewer factors.
+    """Yield the simplifications of H that have fewer factors (the second to fourth of the module).
 
-    Each simplification lacks one of these:
-
-    - a numerator factor
-    - a numerator and a denominator factor of the same order (1 or 2)
-    - a real pole beyond ``highest`` (rad/s), if the denominator's degree then still exceeds the
-      numerator's
+    A pole beyond ``highest`` (rad/s) moves to infinity only if the denominator's degree then still
+    exceeds the numerator's. Only factors of the same order (1 or 2) cancel.
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):

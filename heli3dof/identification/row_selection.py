@@ -62,30 +62,21 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
     """Return {reason: mask (N,) bool of the rows to leave out}; a row can have several reasons."""
     v, y = recording.voltage, recording.angle
     measured = [i for i, a in enumerate(AXES) if a in recording.axes]
-    unread = np.isnan(np.column_stack([v, y[:, measured]]))
-    rows = {"unread": np.asarray(unread.any(axis=1))}
+    rows: dict[str, np.ndarray] = {r: np.zeros(len(recording), dtype=bool) for r in REASONS}
+    rows["unread"] = np.asarray(np.isnan(np.column_stack([v, y[:, measured]])).any(axis=1))
     still = max(2, round(STILL_S / recording.dt))
-
-    off = _long_runs(np.asarray((np.abs(v) <= 1e-9).all(axis=1)), still)
-    rows["motors_off"] = off.copy()
-    rows["table"] = np.zeros(len(recording), dtype=bool)
-    rows["take_off"] = np.zeros(len(recording), dtype=bool)
-    rows["falling"] = np.zeros(len(recording), dtype=bool)
+    rows["motors_off"] = _long_runs(np.asarray((np.abs(v) <= 1e-9).all(axis=1)), still)
     if ROLL in measured:
         roll = y[:, ROLL]
-        table, take_off = _table(recording)
-        rows["table"], rows["take_off"] = table, take_off
-        rows["motors_off"] |= _dropping(off, roll)
+        rows["table"], rows["take_off"] = _table(recording)
+        rows["motors_off"] = _dropping(rows["motors_off"], roll)
         rows["falling"] = _falling(roll)
-    rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in (i for i in measured if i != YAW):
         # The lower stop of roll is the table, which has its own reason.
         above = y[:, i] if i != ROLL else np.maximum(y[:, i], 0.0)
         rows["stop"] |= _at_stop(above, recording.dt)
-    phase = recording.channels.get("phase")
-    rows["ramp_down"] = (
-        np.zeros(len(recording), dtype=bool) if phase is None else np.asarray(phase) >= 1
-    )
+    if "phase" in recording.channels:
+        rows["ramp_down"] = np.asarray(recording.channels["phase"]) >= 1
     return rows
 
 
@@ -132,10 +123,7 @@ def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: rows with the motors ``off``, and the rows after them in which roll falls.
-
-    ``off`` (N,) bool are the rows with both voltages zero; ``roll`` (N,) in rad.
-    """
+    """Return (N,) bool: the rows ``off``, and the rows after them in which ``roll`` (rad) falls."""
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
         k = int(end)
@@ -148,8 +136,7 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 def _falling(roll: np.ndarray) -> np.ndarray:
     """Return (N,) bool: the rows after ``roll`` (N,) rad was last above half of its first value.
 
-    The first value is the (negative) angle on the table. No row is True if the recording does not
-    start there.
+    No row is True if the recording does not start on the table.
     """
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:

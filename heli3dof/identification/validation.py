@@ -10,7 +10,7 @@ controller. One sample ahead, almost every model fits a smooth motion to nearly 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,25 +69,20 @@ class Metrics:
     def to_json(self) -> dict[str, Any]:
         """Return ``fit_percent`` and ``rmse_deg`` by axis, and the `replay_note`.
 
-        The note is the reason why there is no replay, or that it diverges; else "". Each axis has
-        the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable scores are NaN.
+        Each axis has the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``. Unavailable
+        scores are NaN.
         """
         named = {("one_step" if h == 0 else f"{h:g}_s"): s for h, s in self.prediction.items()}
-        fit = {
-            axis: {
-                **{name: float(s.fit_percent[i]) for name, s in named.items()},
-                "closed_loop_replay": float(self.replay.fit_percent[i]),
-            }
-            for i, axis in enumerate(AXES)
+        named["closed_loop_replay"] = self.replay
+
+        def by_axis(values: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
+            return {a: {n: float(v[i]) for n, v in values.items()} for i, a in enumerate(AXES)}
+
+        return {
+            "fit_percent": by_axis({name: s.fit_percent for name, s in named.items()}),
+            "rmse_deg": by_axis({name: np.rad2deg(s.rmse) for name, s in named.items()}),
+            "replay_note": self.replay_note,
         }
-        rmse = {
-            axis: {
-                **{name: float(np.rad2deg(s.rmse[i])) for name, s in named.items()},
-                "closed_loop_replay": float(np.rad2deg(self.replay.rmse[i])),
-            }
-            for i, axis in enumerate(AXES)
-        }
-        return {"fit_percent": fit, "rmse_deg": rmse, "replay_note": self.replay_note}
 
 
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
@@ -137,8 +132,7 @@ def predictions(
 def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     """Return the number of rows (at most ``most``) before ``run`` in which the filter can settle.
 
-    These rows belong to another run, which ends directly before ``run``. The result is 0 if there
-    is no such run, or if a gap separates the two.
+    These rows belong to another run, which ends directly before ``run``, without a gap.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
@@ -187,15 +181,10 @@ def replays(
             if r.source == source:
                 mine[r.start : r.stop] = True
         if prepared.reports[source].left_out["table"] > 0:
-            first = min(r.start for r in runs if r.source == source)
-            mine[: _first_usable(prepared, source, first) + settle] = False
+            usable = (*prepared.train, *prepared.held_out)
+            mine[: min(r.start for r in usable if r.source == source) + settle] = False
         out.append((recording.angle[mine], angle[mine]))
     return out
-
-
-def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
-    runs = [r.start for r in (*prepared.train, *prepared.held_out) if r.source == source]
-    return min(runs, default=otherwise)
 
 
 def metrics(model: Model, prepared: Prepared, runs: Sequence[RowRange]) -> Metrics:

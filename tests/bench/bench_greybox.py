@@ -52,7 +52,7 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
     flight = fly(seed, plan, noise=noise, rate_hz=500.0)
     result = fit_greybox(flight.recording)
     problem = result.problem
-    truth = problem.scaled(np.array([flight.truth[f.name] for f in result.free]))
+    truth = problem.structure.scaled(np.array([flight.truth[f.name] for f in result.free]))
     on = {t.effect.name for t in result.structure.terms}
     absent = [
         f"{e.name}.{a}" if a else e.name

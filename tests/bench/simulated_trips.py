@@ -220,7 +220,7 @@ def _flight(situation: Situation, rng: np.random.Generator) -> Tripped | None:
 
 def _drawn(rng: np.random.Generator) -> np.ndarray:
     structure = _structure()
-    s, _ = structure.arrays(structure.start)
+    s, *_ = structure.arguments(structure.start)
     for slot in (state_layout.T_G, state_layout.J_R, state_layout.J_P, state_layout.J_PSI):
         s[slot] *= 1 + SPREAD * rng.uniform(-1, 1)
     s[state_layout.BODY_P], s[state_layout.BODY_PSI] = s[state_layout.J_P], s[state_layout.J_PSI]
@@ -238,9 +238,8 @@ def _structure() -> Structure:
 def _no_effects() -> tuple[Any, ...]:
     """Returns the kernels' arguments first, address, par, mem, free for a model without effects."""
     structure = _structure()
-    hooks = structure.hooks
-    par = np.zeros((1, state_layout.PARAMETERS))
-    return hooks.first, hooks.address, par, structure.memory, np.ones(3, dtype=bool)
+    _, *effects = structure.arguments(structure.start)
+    return (*effects, np.ones(3, dtype=bool))
 
 
 def _move(s, first, address, par, mem, free, x, F, low, stop, V, k, t, h, target, w, decay):  # type: ignore[no-untyped-def]

@@ -14,7 +14,7 @@ import pytest
 
 from heli3dof.effect_files.from_diagnosis import Formula, package_files, read_formulas
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.identification.greybox.thrust_scale import scale_of_model
+from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.effects import term
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.model_file import save_model
@@ -67,7 +67,7 @@ def test_a_model_s_coefficient_is_converted_to_SI_as_in_its_diagnosis(tmp_path: 
     covariance = np.diag([0.0, 0.0, 0.0, 0.0, 0.01**2])
     model = replace(model, values=values, covariance=covariance)
     (formula,) = read_formulas(save_model(model, tmp_path / "m.json"))
-    scale = scale_of_model(model)
+    scale = thrust_scale(model)
     assert formula.value == pytest.approx(0.2 * scale.k)
     assert formula.value == pytest.approx(0.28, rel=0.04)
     assert formula.std == pytest.approx(scale.k * np.hypot(0.01, 0.2 * scale.std))

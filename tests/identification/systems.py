@@ -58,5 +58,5 @@ def sorted_poles(A: np.ndarray) -> np.ndarray:
 def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
     """Return a model with n states, by PBSID-opt from segments ``data``; p is the VARX's order."""
     fit = varx(data, p)
-    x, _ = states(data, fit, n)
+    x = states(data, fit, n)
     return realise(data, x, p, n)

@@ -214,7 +214,7 @@ def test_a_lag_at_its_least_value_is_no_compensation_of_another_effect() -> None
     # So it is not significant, and the linearised model has no pole at −1000 rad/s.
     lag = parameters(fit)["motor.lag.time_constant_s"]
     assert lag.std >= lag.value
-    poles, _, _ = linear_quantities(fit, 0.002)
+    poles, _, _ = linear_quantities(fit, model_of(fit, [], "stuck"), 0.002)
     assert len(poles) == 6
     assert max(abs(p.value) for p in poles) < 1.0
 

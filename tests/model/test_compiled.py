@@ -55,8 +55,7 @@ def test_a_leaf_does_not_change_the_reference_counts_of_arrays() -> None:
 def test_compiled_accelerations_equal_those_in_python() -> None:
     rng = np.random.default_rng(1)
     structure = Structure(default_profile(), tuple(terms(["aero.inflow", "drag.quadratic.yaw"])))
-    s, par = structure.arrays(structure.start)
-    hooks = structure.hooks
+    s, *effects = structure.arguments(structure.start)
     free = np.ones(3, dtype=bool)
     for _ in range(20):
         s[2:8] = rng.uniform(-0.6, 0.6, 6)
@@ -66,9 +65,7 @@ def test_compiled_accelerations_equal_those_in_python() -> None:
         rigid_body.body_accelerations.py_func(s, np.array([1.0, 1.2]), torque, free, one)
         rigid_body.body_accelerations(s, np.array([1.0, 1.2]), torque, free, other)
         np.testing.assert_allclose(one, other, rtol=1e-12)
-        rigid_body.accelerations(
-            s, hooks.first, hooks.address, par, structure.memory, free, w[0], w[1], w[2]
-        )
+        rigid_body.accelerations(s, *effects, free, w[0], w[1], w[2])
         assert np.isfinite(w).all()
 
 

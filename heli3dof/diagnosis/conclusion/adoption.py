@@ -267,7 +267,7 @@ def fitted(
     nominal_model = replace(nominal_model, noise=base.optimum.noise[:3])
 
     before = after if fit is base else held_out(base, holdout)
-    uncalibrated = held_out(base, holdout, base.problem.scaled(base.structure.values_of({})))
+    uncalibrated = held_out(base, holdout, base.structure.scaled(base.structure.values_of({})))
     wrong = simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
     return Fitted(
         base, fit, model, gain(before, after, seed=seed), before, after, wrong,

@@ -277,12 +277,12 @@ def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray
 
     ``p`` contains all recordings, the fit ``full`` all except i.
     """
-    q, flight, a = full.problem, p.flights[i], full.noise
-    data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
-    states = filter_jittered(q.structure, full.values, data, a[:3], a[3], q.varying).states
+    q, flight = full.problem, p.flights[i]
+    rows = p.data[i].recorded_rows
+    data = split_at_climb_end(p.data[i], int(np.argmax(rows == flight.starts[0])))
+    states = filter_jittered(q.structure, full.values, data, full.noise, q.varying).states
     X = np.full((len(flight.t), states.shape[1]), np.nan)
-    used = p.rows[i] >= 0
-    X[p.rows[i][used]] = states[used]
+    X[rows[rows >= 0]] = states[rows >= 0]
     ahead = np.array([max(1, round(h / flight.dt)) for h in STAGE_S])
     e = errors(q.structure, full.values, flight, X, ahead, tuple(q.varying))
     e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)

@@ -197,7 +197,6 @@ def part_of(p: MultiStep, which: Sequence[int]) -> tuple[MultiStep, np.ndarray]:
         p,
         flights=tuple(p.flights[i] for i in which),
         data=tuple(p.data[i] for i in which),
-        rows=tuple(p.rows[i] for i in which),
     )
     b = len(p.own)
     return part, np.concatenate([np.arange(p.n), *(p.n + i * b + np.arange(b) for i in which)])

@@ -157,10 +157,9 @@ def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[floa
 def _state_at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndarray:
     """Return the state (6,) at rest whose encoders read ``reading`` (3,) rad."""
     x = np.concatenate([reading, np.zeros(3)])
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
+    s, *effects = structure.arguments(values)
     m, slope = np.empty(3), np.empty(3)
-    readings(s, x, hooks.first, hooks.address, par, structure.memory, m, slope)
+    readings(s, x, *effects, m, slope)
     x[:3] -= (m - x[:3]) / slope
     return np.asarray(x)
 

@@ -173,7 +173,7 @@ def coupling(p: MultiStep) -> np.ndarray:
     It is the prior's precision minus that of the common parameters alone.
     """
     L = p.prior.copy()
-    L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior
+    L[: p.n, : p.n] -= replace(p, flights=(), data=()).prior
     return L
 
 

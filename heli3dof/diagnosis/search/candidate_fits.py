@@ -99,14 +99,14 @@ def trials(
     gain Δℓ in log-likelihood rises. ``theta`` (n,): parameters of the current fit; ``noise`` (4,):
     its process noise of three axes, and its sampling jitter.
     """
-    base = float(problem.run(theta, noise, keep=0).loglik.sum())
+    base = float(problem.loglik(theta, noise).sum())
 
     def one(k: int) -> GridTrial:
         ext = problem.with_term(untested[k])
         best = GridTrial(untested[k], 0.0, -np.inf)
         for value in untested[k].effect.starts:
             at = np.append(theta, ext.structure.free[-1].scaled(value))
-            gain = float(ext.run(at, noise, keep=0).loglik.sum()) - base
+            gain = float(ext.loglik(at, noise).sum()) - base
             if not gain > best.gain:
                 break
             best = GridTrial(untested[k], value, gain)
@@ -130,8 +130,8 @@ def exceeds_nulls(
     ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 
     def one(b: int) -> float:
-        extended = replace(ext, data=nulls[b]).run(at, noise, keep=0).loglik.sum()
-        base = replace(problem, data=nulls[b]).run(theta, noise, keep=0).loglik.sum()
+        extended = replace(ext, data=nulls[b]).loglik(at, noise).sum()
+        base = replace(problem, data=nulls[b]).loglik(theta, noise).sum()
         return float(extended - base)
 
     gains = np.array(parallel_map(one, len(nulls), what="flights"))
@@ -304,7 +304,7 @@ def fit_start(
         loglik = {}
         for i in indices:
             full[j] = values[i]
-            loglik[i] = float(ext.run(full, a, keep=0).loglik.sum())
+            loglik[i] = float(ext.loglik(full, a).sum())
         best = max(loglik, key=lambda i: loglik[i])
         indices = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
         full[j] = values[best]

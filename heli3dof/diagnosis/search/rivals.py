@@ -134,7 +134,7 @@ def likelihoods(
         if b >= 0:
             d = simulate_again(models[b // FLIGHTS], recordings, data, (seed, 13, b % FLIGHTS))
         return np.array([
-            float(replace(f.problem, data=d).run(f.theta, f.optimum.noise, keep=0).loglik.sum())
+            float(replace(f.problem, data=d).loglik(f.theta, f.optimum.noise).sum())
             for f in fits
         ])  # fmt: skip
 

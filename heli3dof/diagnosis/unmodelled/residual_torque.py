@@ -179,14 +179,13 @@ def along(
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import linear
 
-    d, hooks = problem.data, problem.structure.hooks
-    s, par = problem.structure.arrays(problem.values(theta))
+    d = problem.data
     N = len(d.t)
     A, B = np.zeros((N, 3, 6)), np.zeros((N, 3, 3))
     slope, q_ddot = np.ones((N, 3)), np.zeros((N, 3))
     linear(
-        s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
-        d.V, X, A, B, slope, q_ddot,
+        *problem.structure.arguments(problem.values(theta)), d.blocks, d.free, d.t, d.h, d.V,
+        X, A, B, slope, q_ddot,
     )  # fmt: skip
     return A, B, slope, q_ddot
 

@@ -31,7 +31,7 @@ from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.greybox.prediction import NOISE, impulse
+from heli3dof.model.greybox.prediction import impulse, noise_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
@@ -64,15 +64,6 @@ def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelih
     return Likelihood(data_of(recordings, runs), structure)
 
 
-def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return an array (4,): the model's process noise of 3 axes in rad/s²/√Hz, its jitter in s.
-
-    The process noise is `NOISE` on axes where the model has none. The jitter is that of the
-    sampling interval.
-    """
-    return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
-
-
 def prediction_errors(
     problem: Likelihood,
     theta: np.ndarray,
@@ -89,8 +80,7 @@ def prediction_errors(
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
     d, structure = problem.data, problem.structure
-    values, hooks = problem.values(theta), structure.hooks
-    s, par = structure.arrays(values)
+    values = problem.values(theta)
     thrust_integral = np.zeros((len(d.t) + 1, 2))
     for lead, start, stop in d.blocks:
         whole = impulse(structure, values, d.V[lead:stop], d.h[lead:stop])
@@ -99,8 +89,8 @@ def prediction_errors(
     out = np.full((len(starts), len(rows), 3), np.nan)
     readings = out[usable]
     predict_free_run(
-        s, hooks.first, hooks.address, par, structure.memory, d.blocks, d.free, d.t, d.V,
-        thrust_integral, np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
+        *structure.arguments(values), d.blocks, d.free, d.t, d.V, thrust_integral,
+        np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
     )  # fmt: skip
     out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
@@ -114,7 +104,7 @@ def model_errors(model: GreyBoxModel, recordings: Sequence[Recording]) -> tuple[
     H horizons `HORIZONS_S`.
     """
     problem = problem_of(model.structure, recordings)
-    theta = problem.scaled(model.values)
+    theta = problem.structure.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
     d = problem.data
@@ -179,7 +169,7 @@ def with_own_values(
         def loglik(value: float, j: int = j) -> float:
             at = theta.copy()
             at[j] = problem.structure.free[j].scaled(value)
-            total = float(recording.run(at, noise, keep=0).loglik.sum())
+            total = float(recording.loglik(at, noise).sum())
             return total if np.isfinite(total) else -np.inf
 
         t = d.t[rows[0] : rows[1]]

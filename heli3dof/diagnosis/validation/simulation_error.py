@@ -44,7 +44,6 @@ from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
     mean_square,
     model_errors,
-    noise_of,
     problem_of,
     rows_ahead,
     rows_of_recordings,
@@ -60,6 +59,7 @@ from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.greybox.prediction import noise_of
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -177,7 +177,7 @@ def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -
 
     problem = problem_of(model.structure, recordings)
     noise = noise_of(model)
-    flight = linearised_run_at(problem, problem.scaled(model.values), noise)
+    flight = linearised_run_at(problem, problem.structure.scaled(model.values), noise)
     d, at = flight.data, flight.at
     starts, rows = starts_of(d), rows_ahead(d, HORIZONS_S)
     out = np.full((len(starts), len(rows), 3), np.nan)
@@ -214,7 +214,7 @@ def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
     """
     problem, noise = problem_of(model.structure, [recording]), noise_of(model)
     (rows,) = rows_of_recordings(problem.data)
-    theta = with_own_values(problem, problem.scaled(model.values), noise, rows)
+    theta = with_own_values(problem, problem.structure.scaled(model.values), noise, rows)
     at = problem.run(theta, noise, keep=2)
     p = path(problem.structure, problem.values(theta), problem.data, at)
     unit = np.zeros((3, len(p.chunk), 3))

@@ -25,7 +25,7 @@ from heli3dof.identification.bias_correction.evaluation import (
     fixed_parameters,
 )
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
+from heli3dof.identification.greybox.maximum_likelihood import Optimum, damped_step, scaled_noise
 
 ROUNDS = 14
 TOLERANCE = 0.02  # predicted gain of the log-likelihood at which the search ends, chosen
@@ -48,11 +48,7 @@ class ScoreBias:
     """(4,) a_0 (rad/s²/√Hz) on three axes, and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return the term to subtract from the log-likelihood at ``theta`` (n,), ``noise`` (4,).
-
-        The term is linear in the parameters and the log noise: their differences from the values of
-        the simulated flights, times the log-likelihood's mean derivatives in these flights.
-        """
+        """Return ℓ + ln prior − ℓ_c at ``theta`` (n,), ``noise`` (4,): what the bias adds to ℓ."""
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
 
@@ -91,17 +87,14 @@ def maximise_corrected(
         free = problem.movable(theta, g) & ~fixed
         gain, accepted = 0.0, False
         for _ in range(10):
-            damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])
-            delta = np.zeros(len(theta))
-            delta[free] = np.linalg.solve(damped, g[free])
-            gain = 0.5 * float(g[free] @ delta[free])
+            delta, gain = damped_step(A, g, free, lam)
             if gain < TOLERANCE:
                 accepted = True
                 break
             new = np.clip(theta + delta, low, high)
             new_value = -np.inf
             if gain > CHECKED_GAIN:
-                new_value = corrected(problem.run(new, a, keep=0).loglik, new, a)
+                new_value = corrected(problem.loglik(new, a), new, a)
             if gain <= CHECKED_GAIN or new_value > value:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
@@ -113,8 +106,7 @@ def maximise_corrected(
             step = np.where(axes, step, 0.0)
             noise_step = float(np.abs(step).max())
             if noise_step > NOISE_CONVERGED:
-                a = a.copy()
-                a[:3] = np.clip(a[:3] * np.exp(step), NOISE_LOW, NOISE_HIGH)
+                a = scaled_noise(a, step)
         converged = accepted and gain < TOLERANCE and noise_step <= NOISE_CONVERGED
         if converged or not accepted:
             break

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_p
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.estimate import Estimate, cramer_rao
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
+from heli3dof.identification.greybox.maximum_likelihood import Optimum, damped_step, scaled_noise
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import replicate
@@ -86,10 +86,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def coloured_noise_factor(self) -> np.ndarray:
-        """Return the factors (n,) by which coloured noise multiplies the parameters' variances.
-
-        They are 1 if no flights were simulated.
-        """
+        """Return the factors ρ (n,) of `coloured_noise`; 1 if no flights were simulated."""
         if self.score_covariance is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.score_covariance)
@@ -116,10 +113,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the factor by which unmodelled motion increases the parameters' variances.
-
-        It is the mean of `coloured_noise_factor`, or `inflation` if no flights were simulated.
-        """
+        """Return the mean of `coloured_noise_factor`; `inflation` if no flights were simulated."""
         return float(self.coloured_noise_factor.mean()) if self.is_corrected else self.inflation
 
 
@@ -176,13 +170,9 @@ def correct(
     """
     for start in starts:
         fit = corrected_from(
-            problem,
-            start,
-            recordings,
-            seed=seed,
-            flights_per_round=flights_per_round,
-            rounds=rounds,
-        )
+            problem, start, recordings,
+            seed=seed, flights_per_round=flights_per_round, rounds=rounds,
+        )  # fmt: skip
         if fit is not None:
             return fit
     optima = [maximise_corrected(problem, *start, None) for start in starts]
@@ -198,38 +188,25 @@ def corrected_from(
     low, high = problem.bounds
     precision = problem.prior_precision
     axes = problem.free_noise
-    converged = False
     n = len(theta)
     acceleration = AndersonAcceleration()
     noise_bias: NoiseScoreBias | None = None
     for count in range(1, rounds + 1):
         recorded = evaluate(problem, theta, noise)
-        model = model_at(problem, theta, noise)
         update = noise_bias is None or noise_bias.is_outdated(theta, noise)
-        flights = replicate(
-            lambda b, m=model, th=theta, a=noise, w=update: evaluate(  # type: ignore[misc]
-                replace(problem, data=simulate_again(m, recordings, problem.data, (seed, 7, b))),
-                th, a, with_noise_derivatives=w,
-            ).derivatives,
-            flights_per_round,
-            what=f"flights, round {count}",
-        )  # fmt: skip
-        g = (
-            recorded.g
-            - np.mean([f.g for f in flights], axis=0)
-            - precision * (theta - problem.prior_mean)
-        )
-        H = 0.5 * (recorded.H + np.mean([f.H for f in flights], axis=0))
+        one = partial(flight_derivatives, problem, theta, noise, recordings, seed, update)
+        flights = replicate(one, flights_per_round, what=f"flights, round {count}")
+        scores, informations, slopes, curvatures = map(np.array, zip(*flights, strict=True))
+        g = recorded.g - scores.mean(axis=0) - precision * (theta - problem.prior_mean)
+        H = 0.5 * (recorded.H + informations.mean(axis=0))
         A = H + np.diag(precision)
-        step = np.zeros(n)
         free = problem.movable(theta, g) & ~fixed_parameters(problem)
-        step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
+        step, _ = damped_step(A, g, free, 0.0)
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         if update:
             noise_bias = NoiseScoreBias(
-                np.mean([f.slope for f in flights], axis=0),
-                np.mean([f.curvature for f in flights], axis=0), theta, noise, sd,
-            )  # fmt: skip
+                slopes.mean(axis=0), curvatures.mean(axis=0), theta, noise, sd
+            )
         assert noise_bias is not None
         slope = recorded.slope - noise_bias.slope
         curvature = np.minimum(np.minimum(recorded.curvature, noise_bias.curvature), -1.0)
@@ -237,27 +214,18 @@ def corrected_from(
         length = float(np.abs(step / sd).max())
         if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
             return None
-        if length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED:
-            # Without this last step, the result would be biased towards the start of the search.
-            theta = np.clip(theta + step, low, high)
-            noise = noise.copy()
-            noise[:3] = np.clip(noise[:3] * np.exp(noise_step), NOISE_LOW, NOISE_HIGH)
-            converged = True
+        converged = length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED
+        if not converged:
+            if count == 1:
+                scale = np.concatenate([sd, np.full(3, NOISE_CONVERGED / CONVERGED)])
+            y = np.concatenate([theta, np.log(noise[:3])]) / scale
+            accelerated = acceleration.next(y, np.concatenate([step, noise_step]) / scale) * scale
+            step, noise_step = accelerated[:n], np.clip(accelerated[n:], -1.0, 1.0)
+        # Without the last step, the result would be biased towards the start of the search.
+        theta, noise = np.clip(theta + step, low, high), scaled_noise(noise, noise_step)
+        if converged:
             break
-        if count == 1:
-            scale = np.concatenate([sd, np.full(3, NOISE_CONVERGED / CONVERGED)])
-        accelerated = acceleration.next(
-            np.concatenate([theta, np.log(noise[:3])]) / scale,
-            np.concatenate([step, noise_step]) / scale,
-        )
-        accelerated = accelerated * scale
-        theta = np.clip(theta + accelerated[:n], low, high)
-        noise = noise.copy()
-        noise[:3] = np.clip(
-            noise[:3] * np.exp(np.clip(accelerated[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH
-        )
     optimum = optimum_at(problem, theta, noise, count, converged)
-    scores = np.array([f.g for f in flights])
     C = scatter_of(scores, optimum.information)
     if (np.diag(C) > MAX_SCATTER * np.diag(optimum.information)).any():
         return None
@@ -265,6 +233,22 @@ def corrected_from(
     return CorrectedFit(
         problem, optimum, C, scores.mean(axis=0), noise_bias.slope, flights_per_round
     )
+
+
+def flight_derivatives(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, recordings: Sequence[Recording],
+    seed: int, with_noise_derivatives: bool, b: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Return the fields g, H, slope and curvature of the `Evaluation` of simulated flight b.
+
+    The flight is simulated and evaluated at ``theta`` (n,) and ``noise`` (4,).
+    """
+    model = model_at(problem, theta, noise)
+    data = simulate_again(model, recordings, problem.data, (seed, 7, b))
+    e = evaluate(
+        replace(problem, data=data), theta, noise, with_noise_derivatives=with_noise_derivatives
+    )
+    return e.g, e.H, e.slope, e.curvature
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,12 +270,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if the mean derivatives must be computed again for ``theta``, ``noise``.
-
-        The derivatives are valid near the parameters and noise of the simulated flights.
-        `REUSED_WITHIN` limits two differences from these: that of the noise's logarithms, and that
-        of the parameters, in standard deviations.
-        """
+        """Return True if ``theta`` (n,) or ``noise`` (4,) differ by more than `REUSED_WITHIN`."""
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()
@@ -301,11 +280,7 @@ class NoiseScoreBias:
 def optimum_at(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, converged: bool
 ) -> Optimum:
-    """Return the `Optimum` of a search that ended at ``theta`` and ``noise``.
-
-    ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter;
-    ``count``: number of iterations.
-    """
+    """Return the `Optimum` of a search that ended after ``count`` iterations."""
     low, high = problem.bounds
     point = evaluate(problem, theta, noise, with_noise_derivatives=False)
     loglik = float(point.at.loglik.sum()) + problem.log_prior(theta)

@@ -33,17 +33,19 @@ from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 
-SCANNED = ("mass.change.time_s",)
-"""Parameters that no search changes, because the likelihood has many local maxima. A scan over a
-grid of values sets them instead."""
-COARSE = {"mass.change.time_s": 5e-3}
-"""Parameter → step of its finite difference, in place of `DIFFERENCE`. Steps are in the scaled
-parameter; 5e-3 is 0.05 s. Chosen."""
+SCANNED = {"mass.change.time_s": 5e-3}
+"""Parameters that no search changes, because the likelihood has many local maxima; a scan over a
+grid of values sets them instead. Each with the step of its finite difference, in place of
+`DIFFERENCE`. Steps are in the scaled parameter; 5e-3 is 0.05 s. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
-class Derivatives:
-    """The log-likelihood's derivatives at given values of the n parameters and the noise."""
+class Evaluation:
+    """The log-likelihood's derivatives at given values of the n parameters and the noise.
+
+    The other fields are large arrays of the filter's run over E encoder readings, from which the
+    derivatives are computed.
+    """
 
     g: np.ndarray
     """(n,) score, without the prior"""
@@ -53,24 +55,10 @@ class Derivatives:
     """(3,) first derivatives of ℓ by the log noise intensities"""
     curvature: np.ndarray
     """(3,) second derivatives of ℓ by the log noise intensities"""
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation(Derivatives):
-    """The log-likelihood's derivatives, with the arrays that they are computed from.
-
-    These arrays are large. They describe the filter's run over E encoder readings.
-    """
-
     at: FilterRun
     path: Path
     T: np.ndarray
     """(n, E) tangents ∂c/∂θ"""
-
-    @property
-    def derivatives(self) -> Derivatives:
-        """Return only the derivatives, without the large arrays of the filter run."""
-        return Derivatives(self.g, self.H, self.slope, self.curvature)
 
 
 def evaluate(
@@ -98,7 +86,7 @@ def evaluate(
     def part(i: int) -> Any:
         if i == 0:
             return centre()
-        return problem.run(theta, noise * factor if i == 1 else noise / factor, keep=0).loglik
+        return problem.loglik(theta, noise * factor if i == 1 else noise / factor)
 
     if not with_noise_derivatives:
         return centre()
@@ -151,13 +139,9 @@ def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     out = np.zeros((len(theta), len(p.at.row)))
     perturbed = np.flatnonzero(~changes_readings)
     _, high = problem.bounds
-    step = np.array([COARSE.get(f.name, DIFFERENCE) for f in s.free])
+    step = np.array([SCANNED.get(f.name, DIFFERENCE) for f in s.free])
     step = np.where(theta + step > high, -step, step)
-    sets = []
-    for j in perturbed:
-        e = np.zeros(len(theta))
-        e[j] = step[j]
-        sets.append(problem.values(theta + e))
+    sets = [problem.values(theta + e) for e in np.diag(step)[perturbed]]
     a = forcing(p, s, sets, [changes_thrust[j] for j in perturbed])
     with np.errstate(over="ignore", invalid="ignore"):
         out[perturbed] = forward(p, a / step[perturbed, None, None])

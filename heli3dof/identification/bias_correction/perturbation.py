@@ -83,19 +83,17 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) ->
         edges = np.append(np.arange(start, stop - 1, size), stop - 1)
         rows.append(np.column_stack([edges[:-1], edges[1:], np.full(len(edges) - 1, b)]))
     chunk = np.concatenate(rows)
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
     A = np.empty((len(chunk), 3, 6))
     X = np.ascontiguousarray(at.X[(chunk[:, 0] + chunk[:, 1]) // 2])
     slope = np.ones(3)
     passes.slopes(
-        s, hooks.first, hooks.address, par, structure.memory, data.blocks, data.free, data.t,
-        data.h, data.V, chunk, X, A, slope,
+        *structure.arguments(values), data.blocks, data.free, data.t, data.h, data.V, chunk, X, A,
+        slope,
     )  # fmt: skip
     thrust, a = np.zeros((len(chunk), 2)), np.zeros((1, len(chunk), 3))
     passes.forcing(
-        s[None], hooks.first, hooks.address, par[None], structure.memory, data.blocks, data.free,
-        data.t, data.h, data.V, chunk, X, np.ones(1, dtype=bool), thrust, thrust, a,
+        *structure.arguments(values[None]), data.blocks, data.free, data.t, data.h, data.V, chunk,
+        X, np.ones(1, dtype=bool), thrust, thrust, a,
     )  # fmt: skip
     return Path(data, at, chunk, X, A, slope, thrust, a[0])
 
@@ -109,14 +107,11 @@ def forcing(
     ``p``. ``wide``: the structure of the J models, which may have more effects than that of ``p``.
     ``moves`` (J,): True for a model whose thrusts differ from those of ``p``.
     """
-    d, hooks = p.data, wide.hooks
-    arrays = [wide.arrays(v) for v in sets]
+    d = p.data
     out = np.zeros((len(sets), len(p.chunk), 3))
     passes.forcing(
-        np.array([s for s, _ in arrays]), hooks.first, hooks.address,
-        np.array([q for _, q in arrays]), wide.memory, d.blocks, d.free, d.t, d.h, d.V,
-        p.chunk, p.X, np.array(moves, dtype=bool), p.thrust,
-        np.empty_like(p.thrust), out,
+        *wide.arguments(np.array(sets)), d.blocks, d.free, d.t, d.h, d.V, p.chunk, p.X,
+        np.array(moves, dtype=bool), p.thrust, np.empty_like(p.thrust), out,
     )  # fmt: skip
     return np.asarray(out - p.a)
 
@@ -126,21 +121,15 @@ def misreading(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how other parameter values change the encoder readings (rad) at unchanged angles.
 
-    ``sets`` are J + 1 sets of parameter values; the changes are relative to the first set.
-    ``wide``: the structure of these models, which may have more effects than that of ``p``. Returns
-    the changes (J, E) at the filter's E events, and (J, B, 3) at the starts of the data's B blocks.
-    A block is a run of rows that the filter processes without interruption.
+    ``sets`` are J + 1 sets of parameter values of the structure ``wide``, as for `forcing`. The
+    changes are relative to the first set. Returns the changes (J, E) at the filter's E events, and
+    (J, B, 3) at the starts of the data's B blocks.
     """
-    d, hooks = p.data, wide.hooks
-    arrays = [wide.arrays(v) for v in sets]
-    at = p.at
+    at, blocks = p.at, p.data.blocks
     assert at.X is not None
     m = np.zeros((len(sets), len(at.row)))
-    m0 = np.zeros((len(sets), len(d.blocks), 3))
-    passes.misreading(
-        np.array([s for s, _ in arrays]), hooks.first, hooks.address,
-        np.array([q for _, q in arrays]), wide.memory, d.blocks, at.row, at.state, at.X, m, m0,
-    )  # fmt: skip
+    m0 = np.zeros((len(sets), len(blocks), 3))
+    passes.misreading(*wide.arguments(np.array(sets)), blocks, at.row, at.state, at.X, m, m0)
     return m[1:] - m[0], m0[1:] - m0[0]
 
 
@@ -150,9 +139,7 @@ def forward(
     """Return δc (J, E): how J changes of the model change the filter's E predicted readings.
 
     ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks of time. ``m`` (J, E) and
-    ``m0`` (J, B, 3): changes of the encoder readings (rad) at unchanged angles, as `misreading`
-    returns them. ``m`` are those at the filter's updates, ``m0`` those at the starts of the data's
-    B blocks (runs without gaps). None: the readings do not change.
+    ``m0`` (J, B, 3): the result of `misreading`; None: the readings do not change.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -166,8 +153,7 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of the weighted sums Σ_e q_e δc_e over the filter's E readings.
 
-    δc_e is the change of the prediction of reading e. ``q`` (M, E) are M sets of weights q_e. The
-    three results are the derivatives with respect to changes of
+    ``q`` (M, E) are M sets of weights q_e. The three results are the derivatives by changes of
 
     - the model's accelerations in C chunks of time, (M, C, 3)
     - the encoder readings at unchanged angles, (M, E)

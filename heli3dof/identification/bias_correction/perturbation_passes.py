@@ -9,6 +9,7 @@ the quantity read: 0–2 an angle, 3–5 a rate, 6–8 a rate with opposite sign
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -23,7 +24,8 @@ R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
 TAU_M, K_F, GAIN_FRONT, SLEW = _s.TAU_M, _s.K_F, _s.GAIN_FRONT, _s.SLEW
 
 
-def _slopes(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def slopes(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, chunk, X, A, slope
 ):  # fmt: skip
     N = V.shape[0]
@@ -46,10 +48,8 @@ def _slopes(  # type: ignore[no-untyped-def]
             readings(s, X[c], first, address, par, mem, m, slope)
 
 
-slopes = compiled(_slopes, error_model="numpy", nogil=True)
-
-
-def _forcing(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def forcing(  # type: ignore[no-untyped-def]
     sets, first, address, pars, mem0, blocks, free, t, h, V, chunk, X, moves, base, mean, out
 ):  # fmt: skip
     N, C = V.shape[0], chunk.shape[0]
@@ -93,10 +93,8 @@ def _forcing(  # type: ignore[no-untyped-def]
             accelerations(s, first, address, par, mem, free[b], w[0], w[1], out[j, c])
 
 
-forcing = compiled(_forcing, error_model="numpy", nogil=True)
-
-
-def _misreading(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def misreading(  # type: ignore[no-untyped-def]
     sets, first, address, pars, mem0, blocks, row, state, X, m, m0
 ):  # fmt: skip
     y, slope = np.empty(3), np.empty(3)
@@ -114,10 +112,8 @@ def _misreading(  # type: ignore[no-untyped-def]
                 m[j, n] = y[state[n]]
 
 
-misreading = compiled(_misreading, error_model="numpy", nogil=True)
-
-
-def _forward(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def forward(  # type: ignore[no-untyped-def]
     A, chunk, h, blocks, row, state, W, K, slope, a, m, m0, D
 ):  # fmt: skip
     E = row.shape[0]
@@ -155,10 +151,8 @@ def _forward(  # type: ignore[no-untyped-def]
                     x[3 + i] += h[k] * acc[i]
 
 
-forward = compiled(_forward, error_model="numpy", nogil=True)
-
-
-def _backward(  # type: ignore[no-untyped-def]
+@partial(compiled, error_model="numpy", nogil=True)
+def backward(  # type: ignore[no-untyped-def]
     A, chunk, h, blocks, row, state, W, K, slope, q, L, mu, z0
 ):  # fmt: skip
     z, v = np.empty(6), np.empty(3)
@@ -197,6 +191,3 @@ def _backward(  # type: ignore[no-untyped-def]
             if chunk[c, 0] == blocks[run, 1]:
                 for m in range(6):
                     z0[j, run, m] = z[m]
-
-
-backward = compiled(_backward, error_model="numpy", nogil=True)

@@ -79,8 +79,7 @@ class Frequencies:
         """Return frequencies (K,) in Hz, and the information v (K,) of a torque at each of them.
 
         The torque is a cosine or sine of amplitude 1; v is the mean over these two. ``unit``
-        (C, 3): the acceleration (rad/s²) by a constant unit torque. ``A`` (n, n): the information
-        of the fit's parameters.
+        (C, 3): e of the module. ``A`` (n, n): the information of the fit's parameters.
         """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
@@ -95,8 +94,7 @@ class Frequencies:
     ) -> Peak:
         """Return the largest score over all frequencies, with its torque (see `Peak`).
 
-        ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
-        chunks of time. ``unit`` (C, 3): acceleration in rad/s² by a constant unit torque.
+        ``L`` and ``unit`` (C, 3): L and e of the module.
         """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source

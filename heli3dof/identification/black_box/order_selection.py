@@ -92,9 +92,8 @@ def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -
 def past_window(d: Decimated, largest_order: int) -> int:
     """Return the order of the VARX (vector autoregression with inputs) that is fitted to data d.
 
-    The order is the number of samples in `PAST_S`. If this is too small for a model with
-    ``largest_order`` states, the order is ⌈largest_order/3⌉ + 2. With few rows, the order is
-    limited to a 30th of the number of rows, but not below 2.
+    The order is the number of samples in `PAST_S`, but at least ⌈``largest_order``/3⌉ + 2 for that
+    many states. With few rows, it is limited to a 30th of their number, but not below 2.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -111,7 +110,7 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
     fit = varx(usable, p)
-    x, _ = states(usable, fit, min(orders[-1], 3 * p))
+    x = states(usable, fit, min(orders[-1], 3 * p))
     return {n: realise(usable, x, p, n) for n in orders if n <= x[0].shape[1]}
 
 
@@ -147,11 +146,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 
 
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
-    """Return the score of ``model`` in the order search: its mean fit (%); −∞ if not finite.
-
-    The mean is over the axes, and over predictions 1 s ahead and, if possible, the closed-loop
-    replay. ``prepared`` contains the recordings and the training runs on which the fit is computed.
-    """
+    """Return the score of ``model`` on the training runs (see the module); −∞ if not finite."""
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
     if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):
@@ -180,7 +175,7 @@ def search(
         try:
             initial = starts(d, orders)
         except ValueError as error:
-            tried += [(_failed(n, d.interval_s, str(error)), None) for n in orders]
+            tried += [(CandidateOrder(n, d.interval_s, problem=str(error)), None) for n in orders]
             continue
         for n, start in initial.items():
             report_count("candidate models", len(tried), len(orders) * len(intervals_s))
@@ -189,17 +184,19 @@ def search(
                 try:
                     fit = refine(method, d, start, dt=prepared.dt, name=name)
                 except NoContinuousModel as error:
-                    tried.append((_failed(n, d.interval_s, f"no continuous form: {error}"), None))
+                    problem = f"no continuous form: {error}"
+                    tried.append((CandidateOrder(n, d.interval_s, problem=problem), None))
                     continue
                 except np.linalg.LinAlgError as error:
-                    tried.append((_failed(n, d.interval_s, f"did not converge: {error}"), None))
+                    problem = f"did not converge: {error}"
+                    tried.append((CandidateOrder(n, d.interval_s, problem=problem), None))
                     continue
                 value = selection_score(fit.model, prepared)
-            S = fit.pem.model.S if fit.pem is not None else start.S
-            likelihood = -0.5 * rows * (float(np.linalg.slogdet(S)[1]) + 3 * np.log(2 * np.pi) + 3)
+            logdet = float(np.linalg.slogdet(fit.state_space.S)[1])
+            likelihood = -0.5 * rows * (logdet + 3 * np.log(2 * np.pi) + 3)
             free = n * (2 + 3 * (1 if method == "oe" else 2)) + 3
             bic = -2 * likelihood + free * np.log(rows)
-            tried.append((CandidateOrder(n, d.interval_s, value, likelihood, bic, ""), fit))
+            tried.append((CandidateOrder(n, d.interval_s, value, likelihood, bic), fit))
     usable = [(c, f) for c, f in tried if f is not None and np.isfinite(c.score)]
     if not usable:
         reasons = "; ".join(sorted({c.problem for c, _ in tried if c.problem})) or "none predicts"
@@ -212,7 +209,3 @@ def search(
     near = [(c, f) for c, f in usable if c.score >= best - SCORE_TOLERANCE]
     _, chosen = min(near, key=lambda cf: (cf[0].order, -cf[0].score))
     return chosen, [c for c, _ in tried]
-
-
-def _failed(order: int, interval_s: float, problem: str) -> CandidateOrder:
-    return CandidateOrder(order, interval_s, -np.inf, -np.inf, np.inf, problem)

@@ -104,11 +104,10 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
     return Varx(Xi, theta[q], E, e.T @ e / len(e))
 
 
-def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return each segment's state estimates x̂ (N_i − p, n_max), and the states' singular values.
+def states(data: Sequence[Pair], fit: Varx, n_max: int) -> list[np.ndarray]:
+    """Return the state estimates x̂ (N_i − p, n_max) of each segment.
 
-    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows. The singular values
-    are those of Γ 𝒦 Z_p (module), divided by the square root of its number of columns.
+    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows.
     """
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))
@@ -121,8 +120,7 @@ def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray
     R = _triangle(np.vstack([z - mean for z in pasts]))
     U, s, _ = np.linalg.svd(GK @ R.T, full_matrices=False)
     T = U[:, :n_max].T @ GK / np.sqrt(s[:n_max, None])
-    count = sum(len(z) for z in pasts)
-    return [(z - mean) @ T.T for z in pasts], s / np.sqrt(count)
+    return [(z - mean) @ T.T for z in pasts]
 
 
 def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> StateSpace:

@@ -200,15 +200,11 @@ def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.nda
     """
     n, l, w = W.shape[0], C.shape[0], W.shape[1]
     entries = n * w + l * n
-    At, eye = W[:, :n], np.eye(n)
+    eye = np.eye(n)
     # Changes of the state coordinates: X ↦ (X Ã − Ã X, X B, X K, −C X), a column per entry of X.
-    gauge = np.empty((entries, n * n))
-    for i in range(n):
-        for j in range(n):
-            dW = np.zeros((n, w))
-            dW[i] = W[j]
-            dW[:, j] -= At[:, i]
-            gauge[:, i * n + j] = np.concatenate([dW.ravel(), -(C[:, i, None] * eye[j]).ravel()])
+    dW = np.kron(eye, W.T).reshape(n, w, n * n)
+    dW[:, :n] -= np.kron(W[:, :n], eye).reshape(n, n, n * n)
+    gauge = np.vstack([dW.reshape(n * w, n * n), -np.kron(C, eye)])
     mask = np.ones(entries, dtype=bool)
     if output_error:
         mask[: n * w] = np.tile(np.arange(w) < n + m, n)

@@ -50,8 +50,7 @@ class NoContinuousModel(ValueError):
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return A (n, n) and B (n, m), changed so that A has a real logarithm.
 
-    Real eigenvalues of A up to `FASTEST` have no usable logarithm, so they are replaced; B keeps
-    the static gain. Raises NoContinuousModel if an eigenvalue is below `SLOWEST_NEGATIVE`.
+    B keeps the static gain. Raises NoContinuousModel if an eigenvalue is below `SLOWEST_NEGATIVE`.
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))

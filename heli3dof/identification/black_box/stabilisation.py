@@ -8,8 +8,6 @@ import numpy as np
 
 from heli3dof.identification.black_box.pbsid import StateSpace
 
-RHO = 0.999
-
 
 def spectral_radius(A: np.ndarray) -> float:
     """Return the spectral radius of A (n, n): the largest modulus of its eigenvalues."""
@@ -30,7 +28,7 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
     return np.asarray(np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T).T)
 
 
-def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
+def with_stable_predictor(model: StateSpace, rho: float) -> StateSpace:
     """Return the model with the spectral radius of A − K C at most ``rho``.
 
     If the radius exceeds ``rho``, K is replaced by a Kalman gain. It assumes the process noise
@@ -49,7 +47,7 @@ def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
     return stable_plant(model, rho)
 
 
-def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
+def stable_plant(model: StateSpace, rho: float) -> StateSpace:
     """Return the model with K = 0 and no pole of A outside the circle of radius ``rho``.
 
     Poles outside the circle are moved onto it in the direction of 0.

@@ -14,7 +14,6 @@ from heli3dof.identification.black_box.one_step_predictor import filter_states
 from heli3dof.identification.black_box.order_selection import (
     ORDERS,
     StateSpaceFit,
-    decimated,
     search,
 )
 from heli3dof.identification.black_box.stabilisation import with_stable_predictor
@@ -32,7 +31,7 @@ from heli3dof.identification.fit_result import (
     Request,
     rightmost_first,
 )
-from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.preprocessing import Prepared, segments
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.discretisation import numerators
 from heli3dof.model.estimation.filter_data import RowRange
@@ -91,12 +90,10 @@ def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[RowRan
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)
-    d = decimated(prepared, runs, chosen.interval_s)
+    At, B, K = (np.ascontiguousarray(a) for a in (ss.At, ss.B, ss.K))
     E, U = [], []
-    for u, y in d.data:
-        u1 = np.ascontiguousarray(u + d.u_mean - chosen.u_mean)
-        y1 = np.ascontiguousarray(y + d.y_mean - chosen.y_mean)
-        At, B, K = (np.ascontiguousarray(a) for a in (ss.At, ss.B, ss.K))
+    for u, y in segments(prepared, runs, round(chosen.interval_s / prepared.dt)):
+        u1, y1 = np.ascontiguousarray(u - chosen.u_mean), np.ascontiguousarray(y - chosen.y_mean)
         x = filter_states(At, B, K, u1, y1, np.zeros(ss.order))
         E.append(y1 - x @ ss.C.T - ss.d)
         U.append(u1)

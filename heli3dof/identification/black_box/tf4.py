@@ -17,7 +17,6 @@ which has at least six states and an integrator in yaw (erratum E14).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,18 +29,6 @@ STARTS = ((0.3, 0.2, 0.3, 1.2), (0.7, 0.3, 0.7, 1.25), (1.0, 0.05, 2.0, 4.0), (2
 BLOCK_S = 2.0
 """s: length of the blocks over which the cost's gradient is summed for the covariance. Blocks are
 needed because simulation errors are strongly coloured."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tf4Fit:
-    """Fitted transfer functions, offset (3,) of the angles in rad, and error covariance S.
-
-    S (3, 3) rad² is the covariance of the simulation errors.
-    """
-
-    transfer: TransferFunctions
-    offset: np.ndarray
-    S: np.ndarray
 
 
 def denominator(log_parameters: np.ndarray) -> np.ndarray:
@@ -105,10 +92,12 @@ def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
     return out
 
 
-def fit_tf4(data: Sequence[Pair], T: float) -> Tf4Fit:
+def fit_tf4(data: Sequence[Pair], T: float) -> tuple[TransferFunctions, np.ndarray, np.ndarray]:
     """Return fourth-order transfer functions, fitted to segments of voltages and angles.
 
-    ``data`` has u (N, 2) V and y (N, 3) rad per segment; T (s) is their sampling interval.
+    The other results are the offset c (3,) rad of the angles, and the covariance (3, 3) rad² of the
+    simulation errors. ``data`` has u (N, 2) V and y (N, 3) rad per segment; T (s) is their sampling
+    interval.
     """
     from scipy.optimize import least_squares
 
@@ -139,7 +128,7 @@ def fit_tf4(data: Sequence[Pair], T: float) -> Tf4Fit:
         num[:, j, 1:] = theta[j * n : (j + 1) * n].T[:, ::-1]
     den = denominator(best.x)
     covariance = _covariance(data, T, best.x, X, theta, E, size)
-    return Tf4Fit(TransferFunctions(num, den, covariance), theta[-1], E.T @ E / len(E))
+    return TransferFunctions(num, den, covariance), theta[-1], E.T @ E / len(E)
 
 
 def _covariance(
@@ -190,23 +179,19 @@ def _covariance(
     m, n = 2, 4
     M = np.zeros((n + outputs * m * (n + 1), p))
     M[:n, :4] = D
-    row = n
     for i in range(outputs):
         for j in range(m):
-            for k in range(n + 1):
-                if k > 0:
-                    M[row, 4 + i * q + j * n + (n - k)] = 1.0
-                row += 1
+            row, column = n + (i * m + j) * (n + 1), 4 + i * q + j * n
+            M[row + 1 : row + n + 1, column : column + n] = np.eye(n)[::-1]
     return np.asarray(M @ cov @ M.T)
 
 
-def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the fit as a discrete state-space model, sampled every ``dt`` s.
-
-    The result is A (8, 8), B (8, 2), C (3, 8).
-    """
-    A, B = companion(fit.transfer.den)
-    m = fit.transfer.num.shape[1]
+def state_space(
+    transfer: TransferFunctions, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the discrete state-space model A (8, 8), B (8, 2), C (3, 8) at the interval dt (s)."""
+    A, B = companion(transfer.den)
+    m = transfer.num.shape[1]
     Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)
-    C = np.hstack([fit.transfer.num[:, j, :0:-1] for j in range(m)])
+    C = np.hstack([transfer.num[:, j, :0:-1] for j in range(m)])
     return Ad, Bd, C

@@ -21,7 +21,7 @@ from heli3dof.identification.fit_result import (
     Request,
     rightmost_first,
 )
-from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.preprocessing import Prepared, segments
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 
@@ -44,8 +44,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
             fix=f"method='pem', order={request.order}",
         )
     d = decimated(prepared, prepared.train, INTERVAL_S)
-    fitted = fit_tf4(d.data, d.interval_s)
-    A, B, C = state_space(fitted, prepared.dt)
+    transfer, offset, S = fit_tf4(d.data, d.interval_s)
+    A, B, C = state_space(transfer, prepared.dt)
     model = LinearModel(
         name=request.name,
         kind="tf4",
@@ -53,13 +53,13 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         B=B,
         C=C,
         K=np.zeros((len(A), 3)),
-        S=fitted.S,
+        S=S,
         u0=d.u_mean,
-        y0=d.y_mean + fitted.offset,
+        y0=d.y_mean + offset,
         dt=prepared.dt,
         exact_hold=True,
     )
-    den, cov = fitted.transfer.den, fitted.transfer.covariance
+    den, cov = transfer.den, transfer.covariance
     assert cov is not None
     found = []
     for s in np.roots(den):
@@ -73,7 +73,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         interval_s=d.interval_s,
         innovations=partial(simulation_errors, model, interval_s=d.interval_s),
         poles=rightmost_first(found),
-        transfer=fitted.transfer,
+        transfer=transfer,
         warnings=(FOURTH_ORDER,),
         response=partial(_response, model),
     )
@@ -92,13 +92,12 @@ def simulation_errors(
     ``runs`` are row ranges of the recordings in ``prepared``. The function decimates these rows to
     the interval ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
     """
-    d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)
     A, B, C = (np.ascontiguousarray(a) for a in (at.A, at.B, at.C))
     none = np.zeros((len(A), 3))
     E, U = [], []
-    for u, y in d.data:
-        u1, y1 = np.ascontiguousarray(u + d.u_mean - at.u0), y + d.y_mean - at.y0
+    for u, y in segments(prepared, runs, round(interval_s / prepared.dt)):
+        u1, y1 = np.ascontiguousarray(u - at.u0), y - at.y0
         e = y1 - filter_states(A, B, none, u1, np.ascontiguousarray(y1), np.zeros(len(A))) @ C.T
         O = free_responses(A, C, len(u1)).reshape(-1, len(A))
         x0 = np.linalg.lstsq(O, e.ravel(), rcond=1e-10)[0]

@@ -30,8 +30,7 @@ from heli3dof.model.discretisation import Continuous
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
     """Return ``model`` with the vector ``delta`` added to the entries of its matrices.
 
-    ``delta`` lists the changes of [Ã B K], then of C, both row by row. Ã = A − K C, with the
-    Kalman gain K.
+    ``delta`` lists the changes of [Ã B K], then of C, both row by row.
     """
     n, m, l = model.order, model.B.shape[1], len(model.C)
     dW = delta[: n * (n + m + l)].reshape(n, n + m + l)
@@ -52,8 +51,7 @@ def continuous_pole(lam: complex, T: float) -> complex:
 def poles(fit: PemFit, T: float) -> list[Pole]:
     """Return the continuous-time poles log(λ)/T (rad/s) of a fit, with standard deviations.
 
-    λ are the eigenvalues of the fit's discrete-time state matrix, T (s) is its sampling interval. A
-    real λ ≤ 0 has no real logarithm, so its pole is log|λ|/T.
+    λ are the eigenvalues of the fit's discrete-time state matrix, T (s) is its sampling interval.
     """
     model = fit.model
     n, m, l = model.order, model.B.shape[1], len(model.C)

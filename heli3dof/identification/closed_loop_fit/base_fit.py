@@ -166,15 +166,13 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
         return fit
     fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
     # Later fits do not match the edge rates, and would increase the noise again. So it stays fixed.
-    roll, pitch, yaw = (bool(axis) for axis in cycling)
-    return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))
+    return replace(fit, problem=replace(problem, known_noise=tuple(cycling.tolist())))
 
 
 def start_scales(plain: Estimate) -> list[float]:
     """Return the start values of inertia/nominal inertia for fits on a limit cycle.
 
-    The first value is 1. If the trim torque of the fit ``plain`` shows a wrong thrust gain, a
-    second value is the ratio of this torque to its nominal value (`thrust_ratio`).
+    They are 1, and the `thrust_ratio` of the fit ``plain``'s trim torque if it is not 1.
     """
     ratio = thrust_ratio(plain, AXES)
     return [1.0] if ratio == 1.0 else [1.0, ratio]
@@ -184,9 +182,7 @@ def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, sca
     """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
 
     The parameters are those of the fit ``plain``, but with the profile's inertias times ``scale``.
-    The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). With this noise,
-    simulated flights have the recorded limit cycle. ``cycling`` (3,) bool: the axes that are on a
-    limit cycle.
+    The noise is `matched_noise`. ``cycling`` (3,) bool: the axes that are on a limit cycle.
     """
     theta, noise = plain.theta.copy(), plain.optimum.noise
     theta[1:4] = plain.problem.prior_mean[1:4] + np.log(scale)

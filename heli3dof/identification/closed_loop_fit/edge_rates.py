@@ -59,11 +59,7 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One iteration: the moments of the recordings and of B flights simulated at y = (θ, ln a).
-
-    θ are the scaled parameters, a the noise intensities. The moments are the log-likelihood's
-    derivatives with respect to y, and the edge rates (how often the encoder counts change).
-    """
+    """One iteration: the moments m of the recordings and of B flights at y = (θ, ln a)."""
 
     difference: np.ndarray
     """(n + 6,) the recordings' moments minus the flights' mean moments"""
@@ -187,9 +183,7 @@ def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
     """Return G (n + 6, n + 3), the moments' derivatives by n scaled parameters and 3 log noises.
 
     ``effects`` (6, n + 6) are the estimated derivatives of all moments by 3 log inertias, then by 3
-    log noises. G contains those of each axis' three moments (`moments_of_axis`) by the inertia and
-    the noise of the same axis. All other derivatives of the n scores by parameters are the
-    information H (n, n). The rest of G is zero.
+    log noises; H (n, n) is the information.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -203,8 +197,7 @@ def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
 def weights(C: np.ndarray) -> np.ndarray:
     """Return the weights W (n + 6, n + 6) of moments with the covariance C.
 
-    W is the inverse of C, after two changes: each variance is increased by the fraction `RIDGE`,
-    and covariances are set to 0, except those between the three moments of an axis.
+    Before the inversion, each variance is increased by the fraction `RIDGE`.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True
@@ -219,8 +212,5 @@ def weights(C: np.ndarray) -> np.ndarray:
 
 
 def moments_of_axis(i: int, n: int) -> list[int]:
-    """Return the indices of axis i's three moments: score of the inertia, ∂ℓ/∂ln a, edge rate.
-
-    n is the number of parameters, ℓ the log-likelihood, and a the axis' process noise.
-    """
+    """Return the indices of axis i's three moments, if there are n parameters."""
     return [1 + i, n + i, n + 3 + i]

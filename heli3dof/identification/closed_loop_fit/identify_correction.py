@@ -5,8 +5,7 @@ maximum of the likelihood is biased: on 10° steps of 24 rigs, no 95 % interval 
 inertia contained the true value (`make bench TOPIC=greybox`). The scores (gradients of the
 log-likelihood) then have κ times the variance that the noise model expects, with κ >
 `MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit with
-such a κ, even if unmodelled motion causes it. The correction simulates flights of the fitted rig
-(`bias_correction.correction`), so the controller must be known.
+such a κ, even if unmodelled motion causes it (`bias_correction.correction`).
 
 On an extreme limit cycle, even the corrected inertia may be several times too small. Then the
 recordings' scores still scatter more than those of the simulated flights. In this case
@@ -45,8 +44,7 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
 
     ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs,
     in every recording, a known controller (`model.control.voltage_replay`), all angles and their
-    references. If the correction diverges, the result is ``found``, too. It can diverge because the
-    controller need not stabilise the fitted rig.
+    references. If the correction diverges, the result is ``found``, too.
     """
     if found.inflation <= MAX_INFLATION:
         return found

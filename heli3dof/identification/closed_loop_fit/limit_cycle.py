@@ -74,9 +74,7 @@ def on_limit_cycle(data: Data) -> np.ndarray:
 def scatters_on_limit_cycle(fit: Estimate) -> bool:
     """Return True if an axis is on a limit cycle and the fit's scores scatter too much.
 
-    The scores are gradients of the log-likelihood. They scatter too much if their variance exceeds
-    `MAX_INFLATION` times the expected one: that of the noise model, or for a corrected fit, that
-    in simulated flights.
+    They scatter too much if `Estimate.unexplained_scatter` exceeds `MAX_INFLATION`.
     """
     cycling = on_limit_cycle(fit.problem.data).any()
     return bool(cycling) and fit.unexplained_scatter > MAX_INFLATION
@@ -91,12 +89,11 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return ``noise`` (4,) with new process noise on the ``axes`` that are on a limit cycle.
+    """Return ``noise`` (4,) with the estimate a_i of the module on the ``axes`` (3,) bool.
 
-    ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). On each of these
-    axes, the new noise is the old one times a factor from `NOISE_STEPS`. With the chosen factor,
-    the `limit_cycle_statistics` of simulated flights are nearest to those of the recordings.
-    ``theta`` (n,): scaled parameters of the flights; ``axes``: (3,) bool.
+    ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). The estimate is the
+    one of the `NOISE_STEPS` with the least mismatch. ``theta`` (n,): the flights' scaled
+    parameters.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -66,12 +66,7 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def inflation(self) -> float:
-        """Return κ ≥ 1, by which the covariance of the estimates is multiplied.
-
-        κ is the ratio of two variances of the score (the log-likelihood's gradient): the one
-        observed between blocks of the flight, and the one that the noise model expects. A flight
-        with fewer than 2 n + 2 blocks has κ = 1.
-        """
+        """Return κ (see the module); 1 for a flight with fewer than 2 n + 2 blocks."""
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o)
         m = len(scores)
@@ -88,10 +83,9 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return the scores' variance, divided by the variance that the noise model expects.
+        """Return the ratio of the scores' variance to the expected one.
 
-        Scores are the log-likelihood's gradients. For a bias-corrected fit, the divisor is their
-        variance in simulated flights.
+        The noise model gives the expected variance; for a bias-corrected fit, simulated flights do.
         """
         return self.inflation
 
@@ -145,10 +139,7 @@ def estimate(
     """
     if start is None:
         start, noise = _start_at_instants(problem, noise)
-    if any(t.effect.starts for t in problem.structure.terms):
-        start, noise = _likeliest_start(
-            problem, problem.prior_mean if start is None else start, noise
-        )
+    start, noise = _likeliest_start(problem, start, noise)
     best = maximise(problem, start, noise)
     if not best.converged:
         for factor in (0.7, 1.5):
@@ -163,19 +154,19 @@ def estimate(
 
 def _start_at_instants(
     problem: Likelihood, noise: np.ndarray | None
-) -> tuple[np.ndarray | None, np.ndarray | None]:
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Return start values of a fit: scaled parameters (n,) and noise (4,).
 
     Some effects begin at an unknown instant, such as an added mass. The function first
     fits the model without these effects. Each effect then starts at the instant at which its score
-    is largest. If the model has no such effect, the function returns (None, ``noise``).
+    is largest. If the model has no such effect, the function returns the prior mean and ``noise``.
     """
     from heli3dof.identification.bias_correction.scans import likeliest_instant
 
     structure = problem.structure
     changes = [t for t in structure.terms if t.effect.scan == "instant"]
     if not changes:
-        return None, noise
+        return problem.prior_mean, noise
     others = tuple(t for t in structure.terms if t not in changes)
     rest = replace(problem, structure=replace(structure, terms=others))
     base = estimate(rest, noise=noise)
@@ -183,11 +174,11 @@ def _start_at_instants(
     for t in changes:
         found = likeliest_instant(rest, base.theta, base.optimum.noise, t)
         values |= {f"{t.name}.{p.name}": v for p, v in zip(t.effect.parameters, found, strict=True)}
-    return problem.scaled(structure.values_of(values)), base.optimum.noise
+    return structure.scaled(structure.values_of(values)), base.optimum.noise
 
 
 def _likeliest_start(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
@@ -210,17 +201,13 @@ def _likeliest_start(
             *(problem.structure.free[j].scaled(v) for v in term.effect.starts),
         ):
             theta[j] = start
-            loglik, a = _loglik_at(problem, theta, a)
+            for _ in range(SETTLING):
+                a, _ = noise_step(problem, theta, a, problem.data.axes)
+            loglik = float(problem.loglik(theta, a).sum()) + problem.log_prior(theta)
             if loglik > best:
                 best, chosen, settled = loglik, start, a
         theta[j], a = chosen, settled
     return theta, a
-
-
-def _loglik_at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
-    for _ in range(SETTLING):
-        a, _ = noise_step(problem, theta, a, problem.data.axes)
-    return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a
 
 
 def block_scores(data: Data, optimum: Optimum) -> np.ndarray:

@@ -16,7 +16,6 @@ trim torque (``mass.imbalance``), because weights change, and thrust falls as th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -170,8 +169,7 @@ def flights_to_fit(recordings: Sequence[Recording]) -> list[tuple[Recording, Fli
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
     """Return the least-squares problem of a fit to ``recordings`` with the effects ``names``.
 
-    Recordings with fewer than `LEAST_STARTS` prediction windows are left out. Raises RecordingError
-    if the remaining ones have fewer than `LEAST_WINDOWS` windows in total.
+    It contains the recordings that `flights_to_fit` returns. Raises RecordingError if none remain.
     """
     structure = Structure(recordings[0].profile, terms(names))
     flights = flights_to_fit(recordings)
@@ -181,22 +179,12 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
             cause="the recordings are short, or spend their time on the table or at a stop.",
             fix="heli3dof info on the recordings, or method='greybox' with terms",
         )
-    data, rows = [], []
-    for r, _ in flights:
-        runs = _airborne(r)
-        d = data_of([r], runs)
-        where = np.full(len(d.t), -1)
-        for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
-            where[start:stop] = np.arange(run.start, run.stop)
-        data.append(d)
-        rows.append(where)
     there = {k: v for k, v in VARYING.items() if k in structure.names}
     priors = {k: v for k, v in PRIORS.items() if k in structure.names}
     return MultiStep(
         structure,
         tuple(f for _, f in flights),
-        tuple(data),
-        tuple(rows),
+        tuple(data_of([r], _airborne(r)) for r, _ in flights),
         varying=there,
         spread={k: v for k, (_, v) in priors.items()},
         centre={k: v for k, (v, _) in priors.items()},
@@ -240,8 +228,7 @@ def _airborne(recording: Recording) -> list[RowRange]:
 def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recording:
     """Return the recording up to the end of its last training run, without the held-out rows.
 
-    ``runs`` are the training runs (row ranges) of all recordings, ``source`` is the index of this
-    recording.
+    ``runs``: the training runs of all recordings; ``source``: the index of this recording.
     """
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
@@ -249,8 +236,7 @@ def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recordi
 def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
     """Return the fitted model called ``name``, with names and digests of its recordings.
 
-    A parameter in `VARYING` has a value per recording; the model has the mean of these values. When
-    the model predicts a recording, its filter estimates this parameter again.
+    The model has the mean over the recordings of each parameter in `VARYING`.
     """
     return GreyBoxModel(
         name=name,
@@ -298,11 +284,3 @@ def notes(found: MultiStepFit) -> tuple[str, ...]:
         claim = "differs by recording" if len(values) > 1 else "may differ by recording, here"
         out.append(f"{name} {claim}: {each}. Predictions re-estimate it.")
     return tuple(out)
-
-
-def as_replacement(found: FitResult, reason: str) -> FitResult:
-    """Return the fit ``found`` with the method name ``freeflight`` and one more warning.
-
-    The warning gives the ``reason`` why the method ``greybox`` was not used.
-    """
-    return replace(found, method=METHOD, warnings=(f"{reason} {INSTEAD}", *found.warnings))

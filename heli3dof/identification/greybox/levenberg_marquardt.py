@@ -142,11 +142,9 @@ def follow_on(
 
     The search starts at ``z`` (dim,). ``tangents`` (dim, R) are the derivatives ∂r/∂z of a similar
     problem's residuals. Rows that are NaN, or all if ``tangents`` is None, are first computed by
-    differences. During the search, the derivatives are recomputed at most ``fresh`` times. The
-    search ends in either case:
-
-    - The predicted decrease of the cost is below ``settled`` or ``share`` · cost.
-    - The residuals have been evaluated ``max_evaluations`` times.
+    differences. The derivatives are recomputed at most ``fresh`` times. The search ends when the
+    predicted decrease of the cost is below ``settled`` or ``share`` · cost, or after
+    ``max_evaluations`` evaluations of the residuals.
     """
     r = v.residuals(z)
     here = v.cost(r, z)

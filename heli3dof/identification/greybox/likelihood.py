@@ -41,7 +41,7 @@ class Likelihood:
     structure: Structure
     noise_steps: float = ENCODER_NOISE
     """Standard deviation of the encoder readings' noise, in encoder steps"""
-    known_noise: tuple[bool, bool, bool] = (False, False, False)
+    known_noise: tuple[bool, ...] = (False, False, False)
     """Roll, pitch, yaw: True if the axis' process noise is known, so that no fit changes it"""
 
     @property
@@ -90,10 +90,6 @@ class Likelihood:
         """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
         return self.structure.unscaled(theta)
 
-    def scaled(self, values: np.ndarray) -> np.ndarray:
-        """Return the scaled parameters (n,) of ``values`` (n,); the inverse of `values`."""
-        return self.structure.scaled(values)
-
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
@@ -103,6 +99,10 @@ class Likelihood:
         return filter_quantised(
             self.structure, self.values(theta), self.data, a, self.encoder_noise, keep=keep
         )
+
+    def loglik(self, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return the log-likelihood (3,) by axis at the arguments of `run`."""
+        return self.run(theta, a, keep=0).loglik
 
     def log_prior(self, theta: np.ndarray) -> float:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
@@ -116,30 +116,25 @@ class Likelihood:
         get a row (None: all). The filter's gains stay fixed. Rows that `diverged` are zero.
         """
         d = self.data
-        hooks = self.structure.hooks
         _, high = self.bounds
         which = np.arange(len(theta)) if which is None else which
-        step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
-        sets = [self.structure.arrays(self.values(theta))] + [
-            self.structure.arrays(self.values(theta + _unit(j, theta) * e))
-            for j, e in zip(which, step, strict=True)
-        ]
+        step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+        moved = (self.values(theta + e) for e in np.diag(step)[which])
+        sets = np.array([self.values(theta), *moved])
         D = np.zeros((len(sets), len(at.row)))
         follow(
-            np.array([s for s, _ in sets]), hooks.first, hooks.address,
-            np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
-            d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
+            *self.structure.arguments(sets), d.blocks, d.free, d.t, d.h, d.V, d.y,
+            at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip
         with np.errstate(over="ignore", invalid="ignore"):
-            out = (D[1:] - D[0]) / step[:, None]
+            out = (D[1:] - D[0]) / step[which, None]
         return np.where(diverged(out)[:, None], 0.0, out)
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
     """Return (n,) bool: the rows of D (n, E) with a value that is not finite or is too large.
 
-    D are the derivatives of E predicted readings with respect to n scaled parameters. A value is
-    too large if its modulus exceeds `DIVERGED`.
+    D are the derivatives of E predicted readings by n scaled parameters; `DIVERGED` limits them.
     """
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
@@ -152,9 +147,3 @@ def score_and_information(at: FilterRun, D: np.ndarray) -> tuple[np.ndarray, np.
     parameters. g and w are each reading's score and information (`FilterRun`).
     """
     return D @ at.g, (D * at.w) @ D.T
-
-
-def _unit(j: int, theta: np.ndarray) -> np.ndarray:
-    e = np.zeros(len(theta))
-    e[j] = 1.0
-    return e

@@ -9,6 +9,7 @@ collects all results in a `FitResult`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -35,13 +36,13 @@ STEP = 1e-2
 
 
 def linear_quantities(
-    found: PhysicalFit, dt: float
+    found: PhysicalFit, model: GreyBoxModel, dt: float
 ) -> tuple[
     tuple[Pole, ...],
     TransferFunctions,
     Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ]:
-    """Return poles, transfer functions and the frequency response of a fit, linearised about hover.
+    """Return poles, transfer functions and frequency response of a fitted model at hover.
 
     The third result is a function: frequencies ω (F,) rad/s → response (F, 3, 2) rad/V, and its
     standard deviation. ``dt`` (s) is the control period.
@@ -53,11 +54,7 @@ def linear_quantities(
 
     def at(point: np.ndarray) -> Continuous:
         values = np.where(absent, null, found.structure.unscaled(point))
-        model = GreyBoxModel(
-            "", found.structure.profile, tuple(t.name for t in found.structure.terms),
-            values, np.zeros(3), np.full((len(point), len(point)), np.nan),
-        )  # fmt: skip
-        return model.linear(dt).continuous()
+        return replace(model, values=values).linear(dt).continuous()
 
     here = at(theta)
     steps = STEP * np.minimum(sd, 1.0)
@@ -91,8 +88,8 @@ def _response(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the response of ``here`` at ω (F,) rad/s, and its standard deviation.
 
-    ``moved``: n models, in each of which one scaled parameter is moved by its step in ``steps``
-    (n,). ``cov`` (n, n): covariance of the scaled parameters.
+    In each of the n models ``moved``, one parameter is moved by its step in ``steps`` (n,); ``cov``
+    (n, n) is P.
     """
     G0 = here.response(omega)
     dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])
@@ -104,8 +101,7 @@ def _response(
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
     """Return each run's prediction errors (rad) and mean voltages (V), every `TEST_INTERVAL_S` s.
 
-    ``runs`` are ranges of usable rows of the recordings in ``prepared``. Predictions are
-    `TEST_INTERVAL_S` ahead; the voltages are means over the predicted interval.
+    Predictions are `TEST_INTERVAL_S` ahead; the voltages are means over the predicted interval.
     """
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []
@@ -130,7 +126,7 @@ def fit_result(
     notes: tuple[str, ...] = (),
 ) -> FitResult:
     """Return a physical fit and its ``model`` as a `FitResult`; ``dt`` (s): control period."""
-    poles, transfer, response = linear_quantities(found, dt)
+    poles, transfer, response = linear_quantities(found, model, dt)
     return FitResult(
         model=model,
         order=len(poles),

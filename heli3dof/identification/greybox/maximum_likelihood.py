@@ -20,6 +20,7 @@ predicted increase is not checked (`CHECKED_GAIN`). The search ends when half th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def compile_first(problem: Likelihood) -> None:
 
 def maximise(
     problem: Likelihood,
-    start: np.ndarray | None = None,
+    start: np.ndarray,
     noise: np.ndarray | None = None,
     *,
     rounds: int = ROUNDS,
@@ -102,12 +103,12 @@ def maximise(
     """Return the parameters and noise that maximise likelihood times prior.
 
     ``problem`` is the likelihood, a function of n scaled parameters and the noise. The search
-    starts at the scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the
-    initial process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``rounds``: largest
-    number of iterations, each with a step of the parameters and, if needed, of the noise.
+    starts at the scaled parameters ``start`` (n,). ``noise`` (4,) is the initial process noise on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``rounds``: largest number of iterations, each
+    with a step of the parameters and, if needed, of the noise.
     """
     low, high = problem.bounds
-    theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
+    theta = np.clip(start, low, high)
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     axes = problem.data.axes
     precision = problem.prior_precision
@@ -130,10 +131,7 @@ def maximise(
         gain, part = 0.0, 1.0
         accepted = False
         for tried in range(12):
-            damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])
-            delta = np.zeros(len(theta))
-            delta[go] = np.linalg.solve(damped, g[go])
-            gain = 0.5 * float(g[go] @ delta[go])
+            delta, gain = damped_step(A, g, go, lam)
             if not tried:
                 is_reversed = bool(last @ A @ delta < 0)
                 turns += count > FULL_STEP_ROUNDS and gain <= CHECKED_GAIN and is_reversed
@@ -145,8 +143,7 @@ def maximise(
             new = np.clip(theta + part * delta, low, high)
             there = -np.inf
             if gain > CHECKED_GAIN:
-                trial = problem.run(new, a, keep=0)
-                there = float(trial.loglik.sum()) + problem.log_prior(new)
+                there = float(problem.loglik(new, a).sum()) + problem.log_prior(new)
             if gain <= CHECKED_GAIN or there > here:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
@@ -163,8 +160,27 @@ def maximise(
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
 
+def damped_step(
+    A: np.ndarray, g: np.ndarray, free: np.ndarray, lam: float
+) -> tuple[np.ndarray, float]:
+    """Return the step δ (n,) with the factor λ = ``lam``, and half the Newton decrement.
+
+    Only the parameters ``free`` (n,) bool change. A (n, n) is H + Λ, g (n,) the right side.
+    """
+    damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])
+    delta = np.zeros(len(g))
+    delta[free] = np.linalg.solve(damped, g[free])
+    return delta, 0.5 * float(g[free] @ delta[free])
+
+
+class HasLikelihood(Protocol):
+    """A problem with the log-likelihood (3,) by axis, of the scaled parameters and the noise."""
+
+    def loglik(self, theta: np.ndarray, a: np.ndarray, /) -> np.ndarray: ...
+
+
 def noise_step(
-    problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
+    problem: HasLikelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its logarithms, and the largest |step|.
 
@@ -175,14 +191,19 @@ def noise_step(
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
-    mid, up, down = parallel_map(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
+    mid, up, down = parallel_map(lambda i: problem.loglik(theta, at[i]), 3)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (up - down) / (2 * PROBE)
         bend = -(up - 2 * mid + down) / PROBE**2
         move = np.where(bend > 0, slope / bend, np.sign(slope))
     move = np.where(axes & np.isfinite(move), np.clip(move, -0.7, 1.0), 0.0)
-    better = np.clip(a[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
-    return np.append(better, a[3]), float(np.abs(move).max())
+    return scaled_noise(a, move), float(np.abs(move).max())
+
+
+def scaled_noise(noise: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return the ``noise`` (4,) after a ``step`` (3,) of ln a, within limits; the jitter stays."""
+    a = np.clip(noise[:3] * np.exp(step), NOISE_LOW, NOISE_HIGH)
+    return np.append(a, noise[3])
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -193,7 +214,7 @@ def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.
     """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
-        loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())
+        loglik = float(problem.loglik(theta, np.append(a[:3], jitter)).sum())
         if loglik > best_loglik + (JITTER_WORTH if best_loglik > -np.inf else 0.0):
             best, best_loglik = jitter, loglik
         else:

@@ -55,11 +55,9 @@ filter models jitter, gives better estimates than the multi-step fit."""
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return a maximum-likelihood fit to training runs, and to recordings that lack an angle.
 
-    ``prepared`` contains the recordings with all angles and their training runs,
-    ``request.partial`` the recordings that lack an angle. ``request.terms`` names the effects to
-    fit; None takes `DEFAULT_TERMS` and tests simplified equations (`greybox.structure_test`). If
-    the controller is known and the log-likelihood's gradients scatter more than the noise model
-    allows, simulated flights correct the bias of the fit (`closed_loop_fit.identify_correction`).
+    ``request.terms`` names the effects to fit; None takes `DEFAULT_TERMS` and tests simplified
+    equations (`greybox.structure_test`). Simulated flights may correct the bias of the fit
+    (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     given = [*prepared.recordings, *request.partial]

@@ -36,6 +36,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, descend
+from heli3dof.identification.greybox.maximum_likelihood import noise_step
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
@@ -60,6 +61,8 @@ SETTLED = 0.03
 """Decrease of Q in an iteration below which a stage ends. Chosen; not derived."""
 NOISE_START = (0.08, 0.15, 0.06)
 """rad/s²/√Hz: process noise on roll, pitch, yaw with which the fit starts"""
+LEAST_NOISE = 1e-4  # rad/s²/√Hz, chosen
+NOISE_SETTLED = 0.1  # largest step of the noise's logarithms when their search ends, chosen
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
 """s: standard deviations of sampling jitter that `likeliest_noise` compares"""
 PRIOR_SHARE = 0.7
@@ -74,15 +77,14 @@ class MultiStep:
 
     The unknowns z (dim,) are scaled parameters: logarithms, or values divided by a typical size.
     The first n are common to all flights. The values of the parameters in ``varying`` follow,
-    flight by flight.
+    flight by flight. ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz)
+    and jitter (s).
     """
 
     structure: Structure
     flights: tuple[Flight, ...]
     data: tuple[Data, ...]
     """For each flight, the rows that the filter uses"""
-    rows: tuple[np.ndarray, ...]
-    """For each flight an array: the flight's row for each row of ``data``, −1 if there is none"""
     varying: Mapping[str, float] = field(default_factory=dict)
     """Parameter with a value per recording → its standard deviation between recordings."""
     spread: Mapping[str, float] = field(default_factory=dict)
@@ -108,18 +110,18 @@ class MultiStep:
     @cached_property
     def start(self) -> np.ndarray:
         """Return the optimiser's start point (dim,): the prior mean of the scaled parameters."""
-        theta = self.structure.scaled(self.structure.values_of(self.centre))
-        return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
+        return self.for_flights(self.structure.scaled(self.structure.values_of(self.centre)))
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         free = self.structure.free
-        out = []
-        for side in ("low", "high"):
-            other = self.least if side == "low" else {}
-            c = np.array([f.scaled(other.get(f.name, getattr(f, side))) for f in free])
-            out.append(np.concatenate([c, np.tile(c[self.own], len(self.flights))]))
-        return out[0], out[1]
+        low = self.structure.scaled(self.least.get(f.name, f.low) for f in free)
+        high = self.structure.scaled(f.high for f in free)
+        return self.for_flights(low), self.for_flights(high)
+
+    def for_flights(self, theta: np.ndarray) -> np.ndarray:
+        """Return (dim,): ``theta`` (n,), then its parameters that vary, once for each flight."""
+        return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
     @cached_property
     def prior(self) -> np.ndarray:
@@ -166,24 +168,17 @@ class MultiStep:
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
         """Return the filter's estimates (N, 6) of angles (rad) and rates (rad/s) in flight i.
 
-        z (dim,) are the scaled parameters; ``noise`` (4,) is process noise on roll, pitch, yaw
-        (rad/s²/√Hz) and jitter (s). Rows that the filter does not use are NaN.
+        Rows that the filter does not use are NaN.
         """
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
-        found = filter_jittered(
-            self.structure, self.values(z, i), self.data[i], noise[:3], noise[3]
-        )
-        there = self.rows[i] >= 0
-        X[self.rows[i][there]] = found.states[there]
+        found = filter_jittered(self.structure, self.values(z, i), self.data[i], noise)
+        rows = self.data[i].recorded_rows
+        X[rows[rows >= 0]] = found.states[rows >= 0]
         return X
 
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
-        """Return each flight's prediction errors (S, M, 3) rad from S start rows at M horizons.
-
-        z (dim,) are the scaled parameters; ``noise`` (4,) is process noise on roll, pitch, yaw
-        (rad/s²/√Hz) and jitter (s), for the filter.
-        """
+        """Return each flight's prediction errors (S, M, 3) rad from S start rows at M horizons."""
         out = []
         for i, flight in enumerate(self.flights):
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
@@ -195,13 +190,9 @@ class MultiStep:
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """Return the log-likelihood (3,) of the recordings by axis, by the filter `ekf_jitter`.
-
-        ``z`` (dim,): scaled parameters; ``noise`` (4,): process noise on roll, pitch, yaw
-        (rad/s²/√Hz) and jitter (s).
-        """
+        """Return the log-likelihood (3,) of the recordings by axis, by the filter `ekf_jitter`."""
         parts = [
-            filter_jittered(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
+            filter_jittered(self.structure, self.values(z, i), d, noise).loglik
             for i, d in enumerate(self.data)
         ]
         return np.asarray(np.sum(parts, axis=0))
@@ -287,10 +278,7 @@ class MultiStepFit(PhysicalFit):
 
 
 def robust(u: np.ndarray) -> np.ndarray:
-    """Return √ρ(u) with the sign of u, for scaled errors u.
-
-    ρ(u) = 2 c² (√(1 + (u/c)²) − 1), c = `ROBUST`, is a cost that limits the weight of outliers.
-    """
+    """Return √ρ(u) (see the module) with the sign of u, for scaled errors u."""
     return np.asarray(np.sign(u) * ROBUST * np.sqrt(2 * (np.sqrt(1 + (u / ROBUST) ** 2) - 1)))
 
 
@@ -319,10 +307,9 @@ def search(
 
     ``problem`` contains the flights and the model structure, ``start`` scaled parameters.
     ``stages_s`` are the horizons (s) of successive minimisations, each of at most ``rounds``
-    iterations. ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and
-    jitter (s). ``scale`` (M, 3) rad are the RMS errors by which the residuals are divided. If
-    ``noise`` or ``scale`` is None, each stage estimates it.
-    ``progress`` gets a line per iteration.
+    iterations. ``scale`` (M, 3) rad are the RMS errors by which the residuals are divided. If
+    ``noise`` (4,) or ``scale`` is None, each stage estimates it. ``progress`` gets a line per
+    iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -352,7 +339,6 @@ def least_squares_problem(
 ) -> LeastSquares:
     """Return the least-squares problem of one stage: predictions at the M horizons ``stage_s`` (s).
 
-    ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     ``scale`` (M, 3) rad are the RMS errors by which the prediction errors are divided.
     """
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
@@ -367,24 +353,13 @@ def least_squares_problem(
 
 
 def likeliest_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the noise (4,) with the highest likelihood of the filter, searched from ``a`` (4,).
-
-    The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The
-    scaled parameters z (dim,) are fixed.
-    """
-    a = a.copy()
+    """Return the noise (4,) with the highest likelihood at z (dim,), searched from ``a`` (4,)."""
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
-    a[3] = JITTERS_S[int(np.argmax(tried))]
+    a = np.append(a[:3], JITTERS_S[int(np.argmax(tried))])
     for _ in range(4):
-        factor = np.exp(0.5)
-        mid = p.loglik(z, a)
-        up = p.loglik(z, np.append(a[:3] * factor, a[3]))
-        down = p.loglik(z, np.append(a[:3] / factor, a[3]))
-        slope, bend = up - down, -(up - 2 * mid + down) / 0.25
-        move = np.where(bend > 0, slope / np.where(bend > 0, bend, 1), np.sign(slope))
-        move = np.clip(move, -0.7, 1.0)
-        a[:3] = np.clip(a[:3] * np.exp(move), 1e-4, 30.0)
-        if np.abs(move).max() < 0.1:
+        a, moved = noise_step(p, z, a, np.ones(3, dtype=bool))
+        a[:3] = np.maximum(a[:3], LEAST_NOISE)
+        if moved < NOISE_SETTLED:
             break
     return a
 

@@ -64,19 +64,12 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the prediction RMSE (3,) in degrees that white process noise would cause.
-
-        The predictions are `HORIZON_S` ahead; ``noise`` is the intensity of the process noise.
-        """
+        """Return σ(`HORIZON_S`) (3,) in degrees: the RMSE that white noise would cause."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: the axes whose fitted process noise is too large to be noise.
-
-        The noise exceeds `TIMES` times that of known rigs, and the prediction errors that it
-        implies exceed `OVER` times the actual ones.
-        """
+        """Return (3,) bool: the axes that meet both conditions of the module."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
@@ -114,36 +107,29 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    `training_obstacle` tests the recordings in ``prepared``, which have all three angles. If
-    ``request`` names the terms, the function skips this test and uses the likelihood.
-    """
-    if request.terms is None and (reason := training_obstacle(prepared)):
-        if request.name == request.method:  # the default name
-            request = replace(request, name=freeflight.METHOD)
-        return freeflight.as_replacement(freeflight.fit(prepared, request), reason)
-    return method.fit(prepared, request)
-
-
-def training_obstacle(prepared: Prepared) -> str:
-    """Return why a maximum-likelihood fit to the training recordings is invalid, or ``""``.
-
-    The fit is invalid if all recordings have sampling jitter. If the controller of every recording
-    is unknown, the process noise is tested, too (`likelihood_obstacle`).
+    `likelihood_obstacle` tests the training recordings, which have all three angles. If ``request``
+    names the terms, the function skips this test and uses the likelihood.
     """
     sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
-    if any(r.profile.controller is not None for r in sources):
-        return CLOCK if all(has_jitter(r) for r in sources) else ""
-    return likelihood_obstacle(sources)
+    if request.terms is None and (reason := likelihood_obstacle(sources)):
+        if request.name == request.method:  # the default name
+            request = replace(request, name=freeflight.METHOD)
+        found = freeflight.fit(prepared, request)
+        warnings = (f"{reason} {freeflight.INSTEAD}", *found.warnings)
+        return replace(found, method=freeflight.METHOD, warnings=warnings)
+    return method.fit(prepared, request)
 
 
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Return why a maximum-likelihood fit to ``recordings`` is invalid, or ``""``.
 
-    The controllers of the recordings must be unknown. The fit is invalid in two cases: all
-    recordings have sampling jitter, or the fitted process noise is too large (`noise_check`).
+    The fit is invalid in two cases: all recordings have sampling jitter, or the fitted process
+    noise is too large (`noise_check`). The noise is tested only if all controllers are unknown.
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK
+    if any(r.profile.controller is not None for r in recordings):
+        return ""
     check = noise_check(recordings)
     if check is None or check.usable:
         return ""

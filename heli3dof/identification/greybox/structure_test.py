@@ -32,10 +32,7 @@ means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or a fit of simplified equations if its likelihood is far higher.
-
-    The log-likelihood must increase by more than `REQUIRED_GAIN` × κ (see the module).
-    """
+    """Return ``found``, or a fit of simplified equations if its likelihood is far higher."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
@@ -50,12 +47,7 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood by a, at a = 0.
-
-    The vector a (2,) contains the omitted shares (0 to 1) of two parts of the equations of motion:
-    the inertia couplings, and the variation of the yaw inertia with the angles. For each a, the
-    log-likelihood is maximised over the parameters of ``found``.
-    """
+    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood by a, at a = 0."""
     o, n = found.optimum, len(found.theta)
     wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))
     theta = np.append(o.theta, np.zeros(len(SIMPLIFICATIONS)))

@@ -70,10 +70,7 @@ class ThrustScale:
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return True if the thrust gain deviates from the profile's by more than ``tolerance``.
-
-        The deviation ln k must be significant, that is, above `SCALE_QUANTILE` standard deviations.
-        """
+        """Return True if the thrust gain deviates significantly by more than ``tolerance``."""
         ln_k = float(np.log(self.k))
         return abs(ln_k) > max(abs(edge(ln_k, tolerance)), SCALE_QUANTILE * self.std)
 
@@ -89,32 +86,21 @@ def edge(x: float, tolerance: float) -> float:
     return float(np.log1p(tolerance) if x > 0 else np.log1p(-tolerance))
 
 
-def thrust_scale(fit: PhysicalFit) -> ThrustScale:
-    """Return the thrust gain's ratio to the profile's, from a fit's gravity torque and inertias."""
-    nominal = np.array([f.start for f in fit.free[:4]])
-    x = fit.values[:4] / nominal
-    std = fit.std[:4] / np.abs(nominal)
-    return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
-
-
-def scale_of_model(model: GreyBoxModel) -> ThrustScale:
-    """Return the thrust gain's ratio to the profile's, from a model's gravity torque and inertias.
+def thrust_scale(fit: PhysicalFit | GreyBoxModel) -> ThrustScale:
+    """Return the thrust gain's ratio to the profile's, from a fit's gravity torque and inertias.
 
     If the standard deviation of one of these parameters is unknown, it is taken as 0.
     """
-    nominal = np.array([f.start for f in model.structure.free[:4]])
-    std = np.where(np.isfinite(model.std[:4]), model.std[:4], 0.0)
-    return of_ratios(
-        model.values[:4] / nominal, std / np.abs(nominal), 0.5 * model.profile.tolerance
-    )
+    nominal = np.array([f.start for f in fit.structure.free[:4]])
+    x = fit.values[:4] / nominal
+    std = np.where(np.isfinite(fit.std[:4]), fit.std[:4], 0.0) / np.abs(nominal)
+    return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
-    """Return the thrust gain's ratio k to nominal, from the ratios x (4,) of fitted parameters.
+    """Return the thrust gain's ratio k to nominal, from the ratios x/X_nominal (4,), here x.
 
-    x are the fitted gravity torque and inertias, divided by the nominal ones; ``std`` (4,) are the
-    standard deviations of x. ``s`` is the relative error of the profile's values. Ratios that are
-    not positive are ignored.
+    ``std`` (4,): their standard deviations. Ratios that are not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)

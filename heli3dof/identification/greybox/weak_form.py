@@ -24,11 +24,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, follow_on
-from heli3dof.identification.greybox.multistep import MultiStep
+from heli3dof.identification.greybox.multistep import WINDOW_S, MultiStep
 from heli3dof.model.compiled import compiled
 from heli3dof.model.greybox.prediction import Flight, impulse
 from heli3dof.model.physics import state_layout as _s
@@ -50,6 +51,7 @@ FAR = 20.0
 """An error that is not finite is replaced by this multiple of the errors' scale s."""
 
 
+@partial(compiled, error_model="numpy", nogil=True)
 def _evaluate_rows(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
     """Write the angles (rad) and the model's accelerations (rad/s²) in each row to ``out`` (N, 6).
 
@@ -75,14 +77,9 @@ def _evaluate_rows(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  
             out[k, i] = x[i]
         for i in range(6):
             s[R + i] = x[i]
-        for i in range(2):
-            s[F_FRONT + i] = F[k, i]
         accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
         for i in range(3):
             out[k, 3 + i] = w[2, i]
-
-
-_evaluate_rows_compiled = compiled(_evaluate_rows, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +94,7 @@ class Span:
     """(L,) weights of the sum for ∫ φ″ · dt"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², at the n positions of the test function φ.
-
-        q (N, 3) rad are the angles, a (N, 3) rad/s² the model's accelerations.
-        """
+        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², of q (N, 3) rad and a (N, 3) rad/s²."""
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -124,7 +118,7 @@ class SmoothedFlight:
     spans: tuple[Span, ...]
 
 
-def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
+def log_of(flight: Flight, window_s: float = WINDOW_S) -> SmoothedFlight:
     """Return the flight with smoothed readings, and with test functions in its prediction windows.
 
     These windows of the length ``window_s`` (s) begin at the rows ``flight.starts``.
@@ -173,11 +167,9 @@ def residuals(
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure
         mean = np.diff(impulse(st, values, f.V, f.h, still=f.still), axis=0) / f.h[:, None]
-        s, par = st.arrays(values)
         out = np.empty((len(f.t), 6))
-        _evaluate_rows_compiled(
-            s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
-            log.y_smooth, log.y_dot, out,
+        _evaluate_rows(
+            *st.arguments(values), f.free, f.t, f.V, mean, log.y_smooth, log.y_dot, out,
         )  # fmt: skip
         # The correction for encoder effects, computed at smoothed readings, also fits the raw ones.
         q = log.y + (out[:, :3] - log.y_smooth)
@@ -194,7 +186,7 @@ def robust_std(e: np.ndarray) -> np.ndarray:
     """
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
-    for i in range(3):  # errors are zero on an axis that was not measured
+    for i in range(3):
         if (there := e[:, i] != 0).any():
             out[i] = 1.4826 * np.median(np.abs(e[there, i]))
     return np.maximum(out, 1e-6)

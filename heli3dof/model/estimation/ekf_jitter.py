@@ -134,7 +134,7 @@ def _filter(  # type: ignore[no-untyped-def]
     A, AP, W = np.empty((3, n)), np.empty((n, n)), np.empty((n, n))
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
     m_b, PH, ignored = np.empty((B, 3)), np.empty(n + 1), np.empty(3)
-    cache = np.full(6, -1.0)
+    q_0, rate, cache = np.empty(3), np.empty(3), np.full(6, -1.0)
     for block in range(blocks.shape[0]):
         s, mem, par = s0.copy(), mem0.copy(), par0.copy()
         axes = free[block]
@@ -181,21 +181,19 @@ def _filter(  # type: ignore[no-untyped-def]
                 place(par, where, q, x[6 + q])
                 for i in range(3):
                     m_b[q, i] = (m_b[q, i] - m[i]) / DIFFERENCE_STEP
-            for j in range(n + 1):
-                P[L, j] = 0.0
-                P[j, L] = 0.0
+            P[L] = 0.0
+            P[:, L] = 0.0
             P[L, L] = jitter * jitter
-            x_0, x_1, x_2 = x[0], x[1], x[2]
-            v_0, v_1, v_2 = slope[0] * x[3], slope[1] * x[4], slope[2] * x[5]
+            q_0[:] = x[:3]
+            for i in range(3):
+                rate[i] = slope[i] * x[3 + i]
             x[L] = 0.0
             for i in range(3):
                 if y[k, i] != y[k, i] or not axes[i]:
                     continue
                 # A reading depends on its angle, δ and b alone: the rest of H is zero.
-                H_q = slope[i]
-                H_L = v_0 if i == 0 else (v_1 if i == 1 else v_2)
-                at = m[i] + H_q * (x[i] - (x_0 if i == 0 else (x_1 if i == 1 else x_2)))
-                at += H_L * x[L]
+                H_q, H_L = slope[i], rate[i]
+                at = m[i] + H_q * (x[i] - q_0[i]) + H_L * x[L]
                 for q in range(B):
                     for z in range(where.shape[0]):
                         if where[z, 2] == q:
@@ -217,8 +215,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     for z in range(j + 1):
                         P[j, z] -= gain * PH[z]
                         P[z, j] = P[j, z]
-            for j in range(n):
-                X[k, j] = x[j]
+            X[k] = x[:n]
             if k + 1 == stop:
                 continue
             for q in range(where.shape[0]):
@@ -247,33 +244,28 @@ def filter_jittered(
     values: np.ndarray,
     data: Data,
     noise: np.ndarray,
-    jitter_s: float,
     varying: Mapping[str, float] | None = None,
 ) -> FilterResult:
     """Return the states and log-likelihood of ``data`` by the Kalman filter for sampling jitter.
 
-    ``values`` (n,) are the parameters of ``structure``, ``noise`` (3,) rad/s²/√Hz the process
-    noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: name → prior
-    standard deviation of the B parameters that the filter re-estimates in each run (interval of
-    usable rows).
+    ``values`` (n,) are the parameters of ``structure``, ``noise`` (4,) is process noise on roll,
+    pitch, yaw (rad/s²/√Hz) and jitter (s). ``varying``: name → prior standard deviation of the B
+    parameters that the filter re-estimates in each run (interval of usable rows).
     """
     varying = varying or {}
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
-    places = positions(structure, tuple(varying))
     X = np.full((len(data.t), 6 + len(varying)), np.nan)
     loglik = np.zeros(3)
     _filter(
-        s, hooks.first, hooks.address, par, structure.memory, places,
+        *structure.arguments(values), positions(structure, tuple(varying)),
         np.array(list(varying.values()), dtype=float), data.blocks, data.free, data.t, data.h,
-        data.V, data.y, np.asarray(noise, dtype=float) ** 2, float(jitter_s),
+        data.V, data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
         data.rad_per_count**2 / 12, loglik, X,
     )  # fmt: skip
     return FilterResult(X, loglik)
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """Return the positions of the parameters ``names`` in the array ``par`` of `Structure.arrays`.
+    """Return the positions of the parameters ``names`` in the argument ``par`` of filters.
 
     Each row of the result (W, 3) int64 is a position: row and column of ``par``, index in
     ``names``. A parameter has one position for each function of its effect.

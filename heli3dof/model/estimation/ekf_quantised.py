@@ -67,9 +67,8 @@ STILL = 1e-5
 def propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
     """Advance the filter's covariance P (6, 6) by one step of h s: P ← Φ P Φᵀ + process noise.
 
-    ``A`` (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations with respect to
-    angles q and rates q̇. So Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h. ``a2`` (3,)
-    is the process noise's intensity on each axis ((rad/s²)²/Hz), ``W`` (3, 6) work space.
+    ``A`` (3, 6) is ∂q̈/∂(q, q̇), ``a2`` (3,) the process noise's intensity on each axis
+    ((rad/s²)²/Hz), ``W`` (3, 6) work space.
     """
     for i in range(3):
         for j in range(6):
@@ -233,8 +232,7 @@ def filter_blocks(  # type: ignore[no-untyped-def]
                 apply_event(x, P, i, scale, g, info, column)
                 if keep >= 1:
                     row[E], state[E], C[E], G[E], W[E] = k, i, at, g, info
-                    for j in range(6):
-                        K[E, j] = column[j]
+                    K[E] = column
                 E += 1
                 if rate != 0.0:
                     scale *= rate
@@ -245,15 +243,12 @@ def filter_blocks(  # type: ignore[no-untyped-def]
                     if keep >= 1:
                         up = 3 + i if rate > 0.0 else 6 + i
                         row[E], state[E], C[E], G[E], W[E] = k, up, at, g, info
-                        for j in range(6):
-                            K[E, j] = column[j]
+                        K[E] = column
                     E += 1
             if keep >= 2:
-                for j in range(6):
-                    X[k, j] = x[j]
+                X[k, :6] = x
             if keep >= 3:
-                for i in range(3):
-                    X[k, 6 + i] = loglik[i]
+                X[k, 6:] = loglik
             if k + 1 < stop:
                 if since >= RELINEARISE_S:
                     since = 0.0
@@ -311,8 +306,6 @@ def filter_quantised(
     log-likelihood only; 1 also the quantities of each measurement update; 2 also the states X; 3
     also the log-likelihood up to each row, as further columns of X.
     """
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
     N = len(data.t)
     n = 6 * N if keep else 1
     row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -320,8 +313,8 @@ def filter_quantised(
     X = np.zeros((N if keep >= 2 else 1, 9 if keep >= 3 else 6))
     loglik = np.zeros(3)
     E = filter_blocks(
-        s, hooks.first, hooks.address, par, structure.memory, data.blocks, data.free, data.grid,
-        data.t, data.h, data.V, data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
+        *structure.arguments(values), data.blocks, data.free, data.grid, data.t, data.h, data.V,
+        data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
         encoder_noise, keep, loglik, row, state, c, g, w, K, X,
     )  # fmt: skip
     if not keep:
@@ -343,7 +336,7 @@ def follow(  # type: ignore[no-untyped-def]
     D (J, E) gets the predicted readings and rates minus those of `filter_blocks`. Each event
     changes the state by K (G − W D). row, state, C, G, W, K are the events that `filter_blocks`
     stored; the other arguments are those of `filter_blocks`. ``s0`` and ``pars`` contain the J
-    sets, each from `Structure.arrays`.
+    sets (`Structure.arguments`).
 
     Unlike in the filter, dry friction here ignores the uncertainty of the rates. Therefore, pass
     the filter's own parameters as the first set, and subtract the first row of D from the others.

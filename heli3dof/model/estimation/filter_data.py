@@ -86,9 +86,12 @@ class Data:
         )
 
     @property
-    def rows(self) -> int:
-        """Return the number of rows that are used as measurements (without the lead-ins)."""
-        return int((self.blocks[:, 2] - self.blocks[:, 1]).sum())
+    def recorded_rows(self) -> np.ndarray:
+        """Return each row's number (N,) in its recording; −1 in the lead-ins."""
+        out = np.full(len(self.t), -1)
+        for run, (_, start, stop) in zip(self.runs, self.blocks, strict=True):
+            out[start:stop] = np.arange(run.start, run.stop)
+        return out
 
     @property
     def axes(self) -> np.ndarray:
@@ -130,14 +133,8 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
         blocks.append((at, at + n - (run.stop - run.start), at + n))
         at += n
         free.append([not np.isnan(y[:, i]).all() for i in range(3)])
-        grid.append(
-            [
-                q if there and _on_grid(y[:, i], q) else 0.0
-                for i, (q, there) in enumerate(
-                    zip(np.abs(rec.profile.encoder.rad_per_count), free[-1], strict=True)
-                )
-            ]
-        )
+        steps = np.abs(rec.profile.encoder.rad_per_count)
+        grid.append([q if _on_grid(y[:, i], q) else 0.0 for i, q in enumerate(steps)])
     t, h, V, y = (np.ascontiguousarray(np.concatenate(c)) for c in zip(*parts, strict=True))
     return Data(
         t, h, V, y,
@@ -223,5 +220,7 @@ def _on_grid(y: np.ndarray, step: float) -> bool:
     ``step`` (rad) is the encoder step. Deviations below `ON_GRID` steps count as zero.
     """
     y = y[np.isfinite(y)]
+    if not len(y):
+        return False
     counts = (y - y[0]) / step
     return bool((np.abs(counts - np.round(counts)) < ON_GRID).mean() > 0.98)

@@ -97,9 +97,6 @@ def fly(
     """
     N = len(task.reference)
     read0 = np.nan_to_num(np.asarray(task.angle0, dtype=float))
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
-    mem = model.structure.memory
     x = np.concatenate([true_angles(model, read0), np.zeros(3)])
     if offset is not None:
         x[:3] += offset
@@ -114,7 +111,7 @@ def fly(
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
     _fly(
-        s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
+        *model.structure.arguments(model.values), np.ones(3, dtype=bool), x, F,
         x[0] if on_table(read0) else -np.inf,
         p, c,
         *opening(task),

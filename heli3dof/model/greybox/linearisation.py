@@ -60,10 +60,7 @@ class _Plant:
     """The equations of a grey-box model as functions of arrays, with or without its motor delay."""
 
     def __init__(self, model: Valued, *, delayed: bool = True) -> None:
-        hooks = model.structure.hooks
-        self.s, par = model.structure.arrays(model.values)
-        self.effects = hooks.first, hooks.address, par, model.structure.memory
-        """Arguments of every compiled function: the active effects"""
+        self.s, *self.effects = model.structure.arguments(model.values)
         setup(self.s, *self.effects)
         self.delay = float(self.s[state_layout.DELAY])
         if not delayed:
@@ -278,6 +275,5 @@ def _delayed(
         big[:n, n + 2 * (whole - 1) : n + 2 * whole] += (1 - part) * B
     big[:n, n + 2 * whole : n + 2 * whole + 2] += part * B
     into[n : n + 2] = np.eye(2)
-    for i in range(1, m):
-        big[n + 2 * i : n + 2 * i + 2, n + 2 * i - 2 : n + 2 * i] = np.eye(2)
+    big[n + 2 :, n:-2] = np.eye(2 * m - 2)
     return big, into, np.hstack([C, np.zeros((3, 2 * m))])

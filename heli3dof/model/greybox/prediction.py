@@ -175,26 +175,20 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
     X[table, :3] = y[table]
     X[table, 3:6] = 0.0
     X[:, 6:] = [model.parameters[name] for name in model.varying]
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
+    s, *effects = model.structure.arguments(model.values)
     free = np.asarray(np.isfinite(y).any(axis=0))
     m, slope = np.empty(3), np.empty(3)
     # On the table: the angles at these readings, which differ by an encoder's offset or scale.
     for k in np.flatnonzero(table):
-        readings(s, X[k], hooks.first, hooks.address, par, model.structure.memory, m, slope)
+        readings(s, X[k], *effects, m, slope)
         X[k, :3] -= (m - X[k, :3]) / slope
     if runs:
         d = data_of([recording], runs)
-        a = np.where(model.noise > 0, model.noise, NOISE)
+        filter_inputs = model.structure, model.values, d, noise_of(model)
         if model.varying:
-            states = filter_jittered(
-                model.structure, model.values, d, a, model.jitter_s, model.varying
-            ).states
+            states = filter_jittered(*filter_inputs, model.varying).states
         else:
-            noise = np.append(a, model.jitter_s)
-            found = filter_quantised(
-                model.structure, model.values, d, noise, encoder_noise(d), keep=2
-            )
+            found = filter_quantised(*filter_inputs, encoder_noise(d), keep=2)
             assert found.X is not None
             states = found.X
         for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
@@ -203,6 +197,15 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
     X[:, 3:6][:, ~free] = 0.0
     starts = np.empty(0, dtype=np.int64)
     return Flight(t, h, V, y, free, low, starts, starts_on_table(recording)), X
+
+
+def noise_of(model: GreyBoxModel) -> np.ndarray:
+    """Return an array (4,): the model's process noise of 3 axes in rad/s²/√Hz, its jitter in s.
+
+    The process noise is `NOISE` on axes where the model has none. The jitter is that of the
+    sampling interval.
+    """
+    return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
 
 def predictions(
@@ -223,14 +226,12 @@ def predictions(
     ``by_direction``: the direction of the predicted motion selects the side of an encoder's
     backlash; otherwise the reading is in the middle of the backlash.
     """
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
     thrust_integral = impulse(structure, values, flight.V, flight.h, still=flight.still)
     out = np.empty((len(flight.starts), len(ahead), 3))
     starts = np.ascontiguousarray(flight.starts)  # numba compiles again for a strided array
     _windows(
-        s, hooks.first, hooks.address, par, structure.memory, positions(structure, varying),
-        flight.free, flight.t, flight.V, thrust_integral, states, flight.low, starts,
+        *structure.arguments(values), positions(structure, varying), flight.free, flight.t,
+        flight.V, thrust_integral, states, flight.low, starts,
         np.asarray(ahead, dtype=np.int64), max(1, round(STEP_S / flight.dt)), by_direction, out,
     )  # fmt: skip
     return out
@@ -259,13 +260,11 @@ def impulse(
     """
     if still:
         V, h = np.vstack([np.zeros(2), V]), np.concatenate([h[:1], h])
-    hooks = structure.hooks
-    s, par = structure.arrays(values)
-    mem = structure.memory
-    setup(s, hooks.first, hooks.address, par, mem)
+    s, *effects = structure.arguments(values)
+    setup(s, *effects)
     N = len(V)
     target, F = np.empty((N, 2)), np.empty((N, 2))
-    thrusts(s, V, h, 0, N, hooks.first, hooks.address, par, mem, target, F)
+    thrusts(s, V, h, 0, N, *effects, target, F)
     tau = float(s[TAU_M])
     late = tau * (1 - np.exp(-h / tau)) if tau > 0 else np.zeros(N)
     step = target * h[:, None] + (F - target) * late[:, None]

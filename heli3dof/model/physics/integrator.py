@@ -6,8 +6,8 @@ arguments:
 
 - ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q,
   q̇), angles (rad) and rates (rad/s).
-- ``first``, ``address``, ``par``, ``mem``: the active effects: `Hooks.first`, `Hooks.address`,
-  `Structure.arrays` and `Structure.memory` of `physics.parametrisation`.
+- ``first``, ``address``, ``par``, ``mem``: the active effects (`Structure.arguments` of
+  `physics.parametrisation`).
 - ``target`` (N, 2) N: the steady-state thrusts at each row's voltages; ``F`` (N, 2) N: the thrusts
   at each row's start (`physics.rotor`).
 - ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): values that

@@ -146,13 +146,24 @@ class Structure:
             tuple(i for _, _, i in calls),
         )
 
-    def arrays(self, values: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the arrays (s, par) for compiled functions, from the parameter values (n,).
+    def arguments(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the arguments (s, first, address, par, mem) of the compiled functions.
 
-        s (SIZE,) holds the rig's parameters and state. The effects have H functions; row i of par
-        (H + 1, PARAMETERS) holds the parameters of function i (`state_layout`). The last row of par
-        is unused. ``values`` are in the units of `free`.
+        s (SIZE,) holds the rig's parameters and state, from the parameter ``values`` (n,) in the
+        units of `free`. The effects have H functions: ``first`` and ``address`` are those of
+        `Hooks`. Row i of par (H + 1, PARAMETERS) and of mem (H + 1, MEMORY) holds the parameters of
+        function i and its memory, initially zero (`state_layout`); the last row is unused. For J
+        sets of ``values`` (J, n), s and par are (J, SIZE) and (J, H + 1, PARAMETERS).
         """
+        sets = [self._context_and_rows(v) for v in np.atleast_2d(values)]
+        s, par = np.array([s for s, _ in sets]), np.array([par for _, par in sets])
+        if np.ndim(values) == 1:
+            s, par = s[0], par[0]
+        mem = np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
+        return s, self.hooks.first, self.hooks.address, par, mem
+
+    def _context_and_rows(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the arrays s and par of `arguments` for one set of ``values`` (n,)."""
         s = _s.context(self.profile)
         s[_s.T_G] = values[0]
         s[_s.J_R : _s.J_R + 3] = values[1:4]
@@ -171,14 +182,6 @@ class Structure:
         for h, i in enumerate(owner):
             par[h] = rows[i]
         return s, par
-
-    @property
-    def memory(self) -> np.ndarray:
-        """Return the initial memory of the effects: zeros (H + 1, MEMORY).
-
-        Row i belongs to function i of the effects' H compiled functions; the last row is unused.
-        """
-        return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
         """Return all values (n,): those in ``given`` (name → value), else starting values."""

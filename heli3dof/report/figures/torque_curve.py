@@ -102,7 +102,7 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
     keep = tuple(t for t in fit.structure.terms if t.name != term.name)
     problem_without = replace(fit.problem, structure=Structure(fit.structure.profile, keep))
     parameters = dict(zip(fit.structure.names, fit.values.tolist(), strict=True))
-    theta = problem_without.scaled(problem_without.structure.values_of(parameters))
+    theta = problem_without.structure.scaled(problem_without.structure.values_of(parameters))
     flight = linearised_run_at(problem_without, theta, noise)
     is_encoder_error = Stage.MEASURE in term.effect.hooks
     if is_encoder_error:

@@ -113,7 +113,7 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     lag = term("motor.lag")
     structure = base.structure.with_terms(lag)
     problem = replace(base.problem, structure=structure)
-    theta = problem.scaled(np.append(base.values, 0.013))
+    theta = problem.structure.scaled(np.append(base.values, 0.013))
     candidate = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
     choice = Choice(lag, 9.0, 0.9, (), (candidate,))
     dropped = next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]

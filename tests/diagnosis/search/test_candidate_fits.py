@@ -56,13 +56,13 @@ def test_the_grid_is_climbed_while_the_likelihood_rises() -> None:
     gains = {0.05: 31, 0.09: 49, 0.16: 82, 0.28: 145, 0.5: 178, 0.9: 191, 1.6: 175, 2.8: -73}
     tried: list[float] = []
 
-    def run(theta: np.ndarray, noise: np.ndarray, *, keep: int) -> Any:
+    def loglik(theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
         width = float(theta[-1]) if len(theta) else 0.0
         tried.append(width)
-        return SimpleNamespace(loglik=np.array([gains.get(width, 0.0)]))
+        return np.array([gains.get(width, 0.0)])
 
     structure = SimpleNamespace(free=[SimpleNamespace(scaled=lambda w: w)])
-    problem = cast(Any, SimpleNamespace(run=run, structure=structure))
+    problem = cast(Any, SimpleNamespace(loglik=loglik, structure=structure))
     problem.with_term = lambda term: problem
     (trial,) = trials(problem, np.zeros(0), np.zeros(4), terms_without_score((), ("yaw",)))
     assert (trial.value, trial.gain) == (0.9, 191)

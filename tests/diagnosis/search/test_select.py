@@ -72,7 +72,7 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     flight = flown("rich", 20.0, device=device, seed=1031)
     structure = Structure(flight.profile, (backlash,))
     problem = ProfileLikelihood(data_of([flight], usable_runs(flight, 0)), structure)
-    start = problem.scaled(np.array([f.start for f in structure.free[:-1]] + [1.0]))
+    start = problem.structure.scaled(np.array([f.start for f in structure.free[:-1]] + [1.0]))
     fit = maximise_corrected(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
     bias = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020
     fitted = CorrectedFit(problem, fit, np.eye(5), bias, np.array([692.0, 10.0, -32.0]), 12)

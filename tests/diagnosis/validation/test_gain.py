@@ -197,7 +197,7 @@ def changed() -> Estimate:
     )
     values = [f.start for f in problem.structure.free[:4]] + [0.5, 0.02, 30.0]
     noise = np.array([0.004, 0.013, 0.002, 0.0])
-    fit = maximise_corrected(problem, problem.scaled(np.array(values)), noise, None)
+    fit = maximise_corrected(problem, problem.structure.scaled(np.array(values)), noise, None)
     return CorrectedFit(problem, fit)
 
 

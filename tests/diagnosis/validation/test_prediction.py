@@ -28,7 +28,7 @@ def own_value(effect: str, values: dict[str, float], recordings: list[Recording]
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     problem = Likelihood(data_of(recordings, runs), structure)
     named = {f"{effect}.{name}": value for name, value in values.items()}
-    theta = problem.scaled(structure.values_of(named))
+    theta = problem.structure.scaled(structure.values_of(named))
     return [
         float(problem.values(with_own_values(problem, theta, NOISE, rows))[-1])
         for rows in rows_of_recordings(problem.data)

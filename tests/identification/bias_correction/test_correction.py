@@ -124,7 +124,7 @@ def test_a_fit_whose_simulated_flights_diverge_is_not_corrected(
         assert fit.is_corrected is corrected
     # The start is no maximum; the uncorrected fit is.
     assert fit.optimum.converged
-    assert fit.optimum.loglik > problem.run(*start, keep=0).loglik.sum() + 10
+    assert fit.optimum.loglik > problem.loglik(*start).sum() + 10
 
 
 SLUGGISH = (

@@ -55,7 +55,7 @@ def test_tangents_come_from_the_simulation_where_first_order_perturbations_diver
 def test_a_search_from_a_diverging_start_recovers(problem: Likelihood, far: np.ndarray) -> None:
     start = np.clip(far, *problem.bounds)
     result = maximise_corrected(problem, start, NOISE, None, hold_noise=True)
-    assert result.loglik > problem.run(start, NOISE, keep=0).loglik.sum() + 100
+    assert result.loglik > problem.loglik(start, NOISE).sum() + 100
     assert abs(result.theta[-1]) < 0.8 * abs(start[-1]), "the emulated rig has no dry friction"
 
 

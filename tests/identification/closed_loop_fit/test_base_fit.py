@@ -45,7 +45,9 @@ def with_ratios(*ratios: float) -> CorrectedFit:
     fit = fitted()
     profile = fit.structure.profile
     values = np.array([profile.trim_torque, *profile.inertias]) * ratios
-    return CorrectedFit(fit.problem, replace(fit.optimum, theta=fit.problem.scaled(values)))
+    return CorrectedFit(
+        fit.problem, replace(fit.optimum, theta=fit.problem.structure.scaled(values))
+    )
 
 
 @pytest.mark.parametrize(

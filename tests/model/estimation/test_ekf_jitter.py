@@ -31,7 +31,7 @@ def test_a_number_that_varies_is_found_where_its_hook_keeps_it(recording: Record
     names = ("bias.torque.pitch", "encoder.offset.pitch")
     structure = Structure(recording.profile, terms(names))
     (place,) = positions(structure, (OFFSET,))
-    _, par = structure.arrays(structure.values_of({OFFSET: 7.5}))
+    *_, par, _ = structure.arguments(structure.values_of({OFFSET: 7.5}))
     assert par[place[0], place[1]] == 7.5
 
 
@@ -43,8 +43,10 @@ def test_a_sample_taken_late_moves_every_angle_by_its_rate(recording: Recording)
     swing = np.radians([10.0, 15.0, 20.0]) * np.sin(2 * np.pi * 0.5 * late[:, None])
     d = data(replace(recording, angle=swing))
     noise = np.full(3, 2.0)
-    at = {s: filter_jittered(model.structure, model.values, d, noise, s).loglik.sum() for s in
-          (0.0, 0.001, 0.003, 0.009)}  # fmt: skip
+    at = {
+        s: filter_jittered(model.structure, model.values, d, np.append(noise, s)).loglik.sum()
+        for s in (0.0, 0.001, 0.003, 0.009)
+    }
     assert max(at, key=lambda s: at[s]) == 0.003
 
 
@@ -52,11 +54,11 @@ def test_an_encoder_that_was_zeroed_elsewhere_is_found_again(recording: Recordin
     """4° is added to what pitch reads; yaw turns as the true angle says. The prior is wide."""
     structure = Structure(recording.profile, terms(("encoder.offset.pitch",)))
     angle = recording.angle + np.radians([0.0, 4.0, 0.0])
-    noise = np.array([0.5, 0.5, 0.2])
+    noise = np.array([0.5, 0.5, 0.2, 0.0])
 
     def last(recording: Recording) -> float:
         d = data(recording)
-        out = filter_jittered(structure, structure.values_of({}), d, noise, 0.0, {OFFSET: 20.0})
+        out = filter_jittered(structure, structure.values_of({}), d, noise, {OFFSET: 20.0})
         return float(out.states[-1, 6])
 
     assert last(replace(recording, angle=angle)) - last(recording) == pytest.approx(4.0, abs=0.4)

@@ -96,7 +96,7 @@ def roll_alone(noise: float, amplitude: float, seed: int, seconds: float = 60.0)
 def test_the_noise_is_found_whether_the_encoder_moves_or_all_but_rests(amplitude: float) -> None:
     """White noise of Δ²/12 overrates it 5 to 30 times here."""
     problem = Likelihood(roll_alone(0.006, amplitude, 1), Structure(default_profile(), ()))
-    theta = problem.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
+    theta = problem.structure.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
     a = np.array([0.03, 0.03, 0.03, 0.0])
     for _ in range(8):
         a, _moved = noise_step(problem, theta, a, np.array([True, False, False]))
@@ -107,14 +107,14 @@ def test_an_encoder_that_never_steps_is_looked_at_a_few_times_only() -> None:
     data = roll_alone(1e-6, 0.0, 1, seconds=4.0)
     assert len(np.unique(data.y[:, 0])) == 1
     problem = Likelihood(data, Structure(default_profile(), ()))
-    theta = problem.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
+    theta = problem.structure.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
     assert len(problem.run(theta, np.array([0.006, 1.0, 1.0, 0.0])).row) < 40  # of 2000 samples
 
 
 def test_the_tangents_are_what_a_changed_parameter_does_to_the_predictions() -> None:
     data = roll_alone(0.006, 0.1, 2, seconds=10.0)
     problem = Likelihood(data, Structure(default_profile(), ()))
-    theta = problem.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
+    theta = problem.structure.scaled(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
     noise = np.array([0.006, 1.0, 1.0, 0.0])
     at = problem.run(theta, noise)
     D = problem.tangents(theta, at, np.array([1]))
