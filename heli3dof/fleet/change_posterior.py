@@ -207,10 +207,13 @@ def _two_steps(
     """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx) for all pairs of steps.
 
     The module explains the symbols. Both arrays have the axes (g, a, pair): the grids of g and a,
-    and the pairs of steps. The arguments describe single steps: ``w`` (a, n) are the weights wᵢ,
-    ``x`` (k, n) the regressor of a step before flight k. ``mean`` (a, plan, k) is the regressor's
-    weighted mean over the flights of each plan, times √Σwᵢ. ``s_xy`` and ``s_xx`` (a, k) are the
-    regressor's sums Sxy and Sxx, ``square`` (g, 1, 1) is g².
+    and the pairs of steps. The arguments describe K single steps in n flights:
+
+    - ``w`` (a, n): the weights wᵢ
+    - ``x`` (K, n): each step's regressor
+    - ``mean`` (a, plan, K): its weighted mean over the flights of each plan, times √Σwᵢ
+    - ``s_xy``, ``s_xx`` (a, K): its sums Sxy and Sxx, here scalars
+    - ``square`` (g, 1, 1): g²
     """
     pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T
@@ -236,7 +239,10 @@ def change_places(n: int) -> Places:
 
 
 def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
-    """Return the regressors x (models, n) of a ``kind`` in `SINGLE`; ``t`` (n,): flights' times."""
+    """Return the regressors x (K, n) of the K possible changes of one ``kind`` of `SINGLE`.
+
+    ``places``: the flights at which each change may be. ``t`` (n,): the flights' times.
+    """
     flights, at = np.arange(len(t)), np.array(places[kind])
     if kind == "drift":
         time = t - t[0] if t[-1] > t[0] else flights.astype(float)

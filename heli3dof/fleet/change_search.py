@@ -260,9 +260,10 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return the fewest dates of a step whose probabilities add up to at least `DATES`.
+    """Return the smallest set of dates of a step whose total probability is at least `DATES`.
 
-    ``share``: the probability that the step is before each of ``flights``, from index 2 on.
+    The result is date → probability (a credible set). ``share[i]``: the probability that the step
+    lies between ``flights[i + 1]`` and ``flights[i + 2]``.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

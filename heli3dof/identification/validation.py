@@ -61,7 +61,7 @@ class Metrics:
 
     @property
     def replay_note(self) -> str:
-        """Return why there is no replay, or that it diverges; otherwise an empty text."""
+        """Return the reason why no replay exists, or that it diverges; else an empty text."""
         if self.no_replay or (self.replay.rmse < DIVERGED_RAD).all():
             return self.no_replay
         return "the loop with this model diverges"

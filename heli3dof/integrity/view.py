@@ -63,7 +63,10 @@ class View:
 
     @cached_property
     def airborne(self) -> np.ndarray:
-        """Return (N,) bool: rows with motors on, away from table and stops; take-off included."""
+        """Return (N,) bool: rows with motors on, arm off the table, and no axis at its stop.
+
+        Rows of the take-off, after lift-off, are included.
+        """
         return np.asarray(~np.logical_or.reduce([self.unusable[k] for k in GROUNDED]))
 
     @cached_property

@@ -29,7 +29,7 @@ STATE_UNITS = {"r": "rad", "p": "rad", "psi": "rad", "F_front": "N", "F_back": "
 
 
 def export(source: Recording | Model, path: str | Path, *, force: bool = False) -> Path:
-    """Write a recording or a model in the format of the file's ending, and return the path.
+    """Write a recording or a model in the format of the file name's ending; return the path.
 
     A recording becomes a table (``.csv``, ``.csv.gz``, ``.mat``, ``.parquet``) or a viewer's file
     (``.mcap``, ``.rrd``, ``.xml``); a model becomes a state-space model for MATLAB (``.mat``).

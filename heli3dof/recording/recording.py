@@ -164,7 +164,7 @@ class Recording(Result):
 
     @property
     def controller_input(self) -> FloatArray:
-        """Return the external input (N, 2) V that is added in the control law, front and back.
+        """Return the voltages (N, 2) in V (front, back) that are added to the control law's.
 
         For an identified controller, it is the input w of `LinearController`: references,
         excitation, and what the law does not explain. Otherwise it is ``voltage_extra``, the

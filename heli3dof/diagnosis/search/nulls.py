@@ -169,7 +169,9 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def bonferroni(tests: int) -> float:
-    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
+    """Return the threshold of Z² that the largest of ``tests`` tests exceeds without any effect.
+
+    The probability of this false alarm is `FALSE_ALARMS`.
 
     >>> round(bonferroni(60), 1)
     16.4

@@ -96,9 +96,10 @@ class Screen:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names (P,) of the terms that the P scores test.
+        """Return the names (P,) of the tested terms, one for each score.
 
-        Terms at trial values come first, then those scanned over frequencies or instants.
+        Terms with fixed trial values of their parameters come first. Terms that are scanned over
+        frequencies or instants follow.
         """
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 

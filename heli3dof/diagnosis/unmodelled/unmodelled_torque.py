@@ -226,9 +226,9 @@ def _exceeds_coloured_noise(
 ) -> bool:
     """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    The group's score-test statistic S is divided by κ, the inflation of scores, and by ρ, the ratio
-    by which coloured noise increases S. A ρ that is not significant counts as 1, unless
-    ``is_coloured``: slow noise was found before.
+    The group's score-test statistic S is divided by κ, the variance inflation of the scores, and by
+    ρ, the factor by which coloured noise increases S. If ρ does not differ significantly from 1, it
+    is replaced by 1. With ``is_coloured`` (slow noise was found before), it is always used.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])

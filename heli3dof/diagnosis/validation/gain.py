@@ -131,7 +131,7 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
 
 def interval(draws: np.ndarray) -> tuple[float, float]:
-    """Return the interval that contains the share `LEVEL` of bootstrap ``draws``, without NaN."""
+    """Return the central interval of share `LEVEL` of bootstrap ``draws``; NaN are left out."""
     tail = 50 * (1 - LEVEL)
     low, high = np.nanpercentile(draws, [tail, 100 - tail])
     return float(low), float(high)

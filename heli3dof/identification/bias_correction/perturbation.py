@@ -101,10 +101,10 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) ->
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return the changes δa (J, C, 3) rad/s² of the accelerations in C chunks, for J models.
+    """Return δa (J, C, 3) rad/s²: accelerations of J models minus those of the model of ``p``.
 
-    ``sets`` are the parameter values of the J models. The changes are relative to the model of
-    ``p``. ``wide``: the structure of the J models, which may have more effects than that of ``p``.
+    δa is constant within each of the C chunks of rows of ``p``. ``sets`` are the parameter values
+    of the J models, ``wide`` their structure, which may have more effects than that of ``p``.
     ``moves`` (J,): True for a model whose thrusts differ from those of ``p``.
     """
     d = p.data

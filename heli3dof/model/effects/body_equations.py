@@ -94,9 +94,10 @@ def constant_yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈, ψ the yaw.
 
     With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has J_ψ(r) =
-    (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. As J_ψ(r) changes, it causes the
-    torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). ν = 0 keeps this
-    change and its torque, ν = 1 omits both. A diagnosis does not report this choice of equations as
+    (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. Its change with
+    roll causes the torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The
+    effect's parameter ν scales what is omitted: 0 keeps J_ψ(r) and this torque, 1 omits both. A
+    diagnosis does not report this choice of equations as
     a finding.
     """
     out[CONSTANT_YAW_INERTIA] = par[A]

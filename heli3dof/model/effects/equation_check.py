@@ -50,7 +50,10 @@ CHANGED = {
 
 
 def states() -> Iterator[np.ndarray]:
-    """Yield `STATES` states (SIZE,) of the default rig, read-only: at rest, then within limits."""
+    """Yield `STATES` states (SIZE,) of the default rig: at rest, then drawn within its limits.
+
+    The arrays are read-only.
+    """
     rng = np.random.default_rng(0)
     profile = default_profile()
     limits, v_max = profile.limits, profile.motor.v_max

@@ -29,7 +29,7 @@ Columns = dict[str, np.ndarray]
 
 
 def export(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
-    """Write a recording in the format of the file's ending, and return the path.
+    """Write a recording in the format that the file name's ending states; return the path.
 
     Raises OutputExists (without ``force``), UsageError (unknown ending; the library for Parquet or
     Rerun is not installed) or NoSpace.

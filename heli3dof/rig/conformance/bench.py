@@ -65,7 +65,7 @@ class Host:
 
 @dataclass
 class Bench:
-    """Gives a conformance case the driver of a device URL; closes the rigs that the case opened."""
+    """Provides the driver of a device URL to a conformance test, and closes the rigs it opened."""
 
     url: str
     profile: Profile
