@@ -47,9 +47,9 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the job's recording and what `heli3dof info` states about it, as a dict.
+        """Return the job's recording, and a dict of what `heli3dof info` states about it.
 
-        Of an incomplete file, the recording is the intact part.
+        Of an incomplete file, the recording contains the intact part only.
         """
         return read_with_info(self.file, self.task.profile)
 

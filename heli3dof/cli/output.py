@@ -232,7 +232,10 @@ COMMON = tuple(inspect.signature(_common_options, eval_str=True).parameters.valu
 
 
 def _explained(error: Exception) -> Heli3dofError | None:
-    """Return the error to print; None for a bug whose traceback `TRACEBACK` requests."""
+    """Return the error to print as a message; None if its traceback is to be printed instead.
+
+    That is so for a bug, if the environment variable `TRACEBACK` is set.
+    """
     if isinstance(error, Heli3dofError):
         return error
     if isinstance(error, OSError) and (known := _explain_os_error(error)) is not None:

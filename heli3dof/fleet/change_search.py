@@ -99,8 +99,8 @@ def find_changes(
 
     ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. If ``s`` is None, the
     values need not be normally distributed, so the search uses their normal scores. ``plans`` (n,):
-    each flight's flight plan, by default one for all. ``scale``: prior of a flight's variance φ²,
-    from the sibling rigs.
+    each flight's flight plan, by default one for all. ``scale``: prior of the variance φ² from
+    flight to flight, estimated from the fleet's other rigs.
     """
     series = _Series(t, y, s, prior, np.zeros(len(y), int) if plans is None else plans, scale)
     deviating = list(_candidates(series))
@@ -129,7 +129,10 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if ``flights`` are at least `LEAST_FLIGHTS` + number of flight plans − 1."""
+        """Return True if ``flights`` are enough to search them for changes.
+
+        At least `LEAST_FLIGHTS` are needed, and one more for each flight plan after the first.
+        """
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
@@ -260,10 +263,10 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return the smallest set of dates of a step whose total probability is at least `DATES`.
+    """Return a credible set of the flights that may be the first after a step, by index.
 
-    The result is date → probability (a credible set). ``share[i]``: the probability that the step
-    lies between ``flights[i + 1]`` and ``flights[i + 2]``.
+    It is {flight: probability}: the fewest flights whose probabilities add up to at least `DATES`.
+    ``share[i]``: the probability that ``flights[i + 2]`` is the first flight after the step.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

@@ -106,11 +106,12 @@ class Fleet(Result):
         return sorted(found, key=lambda tc: (kinds.index(tc[1].kind), -tc[1].probability))
 
     def change_groups(self) -> list[ChangeGroup]:
-        """Return the changes in the order of `changes`; a thrust gain's changes are one group.
+        """Return the changes in groups, in the order of `changes`.
 
-        A flight determines torques and inertias only relative to the thrust gain g. A change of
-        another quantity belongs to a change of g if rig, kind and flight are the same, and if its
-        factor is 1/g within the 95 % intervals.
+        A flight determines torques and inertias only relative to the thrust gain. If the gain
+        changes by a factor c, their estimates change by 1/c. So a change of the gain is grouped
+        with the changes of the same rig, kind and flight whose factor is 1/c within the 95 %
+        intervals.
         """
         found = self.changes()
         gains = [tc for tc in found if tc[0].quantity == THRUST_GAIN]

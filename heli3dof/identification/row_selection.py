@@ -134,9 +134,10 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows after ``roll`` (N,) rad was last above half of its first value.
+    """Return (N,) bool: the rows of the last descent, towards the table.
 
-    No row is True if the recording does not start on the table.
+    The descent begins where ``roll`` (N,) rad was last above half of its (negative) first value. If
+    the recording does not start on the table, no row is True.
     """
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:

@@ -96,9 +96,9 @@ class View:
 
     @cached_property
     def responses(self) -> dict[str, Response]:
-        """Return {axis: its response to the voltages, as a multiple of the profile's}.
+        """Return {axis: its response to the voltages}, of measured axes that the voltages drive.
 
-        The axes are the measured ones that the voltages drive.
+        A `Response` states the axis' acceleration as a multiple of that in the profile's model.
         """
         return self.responses_to(self.recording)
 

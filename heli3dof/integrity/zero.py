@@ -8,8 +8,8 @@ five samples. The check reports this fault if all of these hold:
 - |r(0)| < `NEAR`, and no sample is below r(0) − `NEAR`.
 - At least half of the samples are above r(0) + `NEAR`. The median of these is at least `SHARE`
   |r_0|.
-- Gravity acts most at an angle nearer to −r_0 than to 0 (`Response.level_rad`). A flight that
-  starts level in mid-air and then flies at 20° meets the other conditions, too.
+- The gravity torque is largest at an angle nearer to −r_0 than to 0 (`Response.level_rad`). This
+  excludes a flight that starts level in mid-air and then flies at 20°.
 """
 
 from __future__ import annotations

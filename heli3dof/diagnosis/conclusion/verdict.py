@@ -129,7 +129,11 @@ def _unexplained(r: UnexplainedError) -> float:
 
 
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names of effects that are faults of a recording, or confounded with a cause."""
+    """Return the names of effects that a diagnosis must not report as causes of their own.
+
+    A fault of the recording (such as an encoder offset) explains them, or they are confounded with
+    one of the ``causes``.
+    """
     names: list[str] = []
     for f in causes:
         if isinstance(f, Fault):

@@ -1,4 +1,4 @@
-"""Compare models by free-run predictions from estimated states, for logs without a likelihood.
+"""Compare models by free-run predictions, for logs without a valid likelihood.
 
 e_k,i(h) is the error (rad) of prediction k on axis i after h seconds. The predictions are on
 held-out recordings, or on each fold's test blocks by the model fitted to the other folds.
@@ -6,8 +6,8 @@ held-out recordings, or on each fold's test blocks by the model fitted to the ot
     RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
 
 A model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)², with both RMSE over 3 s, is below
-the number of axes. The bootstrap resamples cells of `multistep.WINDOW_S`, because windows
-overlap.
+the number of axes. A block bootstrap gives the sum's interval. Its blocks are
+`multistep.WINDOW_S` long, because the predictions overlap.
 """
 
 from __future__ import annotations

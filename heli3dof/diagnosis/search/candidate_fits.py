@@ -1,10 +1,12 @@
 """Refit the current model with one candidate added, for each candidate of a step.
 
 The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). Δℓ_c
-is its increase over the current fit, κ the nulls' variance inflation (`search.nulls`), and N the
-number of filter updates. A term with m parameters has the score of BIC:
+is its increase over the current fit, κ the variance inflation of the scores in null simulations
+(`search.nulls`), and N the number of filter updates. A term's score is its gain in BIC:
 
-    score = 2 Δℓ_c/κ − m ln N          m = 0 for a part of the rigid body's equations
+    score = 2 Δℓ_c/κ − m ln N
+
+m is its number of parameters, or 0 for a part of the rigid body's equations, which is no defect.
 
 The fit of a screened term starts at its probe with the largest Z² (`search.screening`). If ℓ_c does
 not exceed that of the current fit, the fit is repeated from a size near zero. The fit of a term
@@ -15,8 +17,8 @@ time until the torque has one phase in all (`bias_correction.scans`). The R − 
 parameters. Nothing is shifted if the current fit already contains the phase of a periodic torque or
 the instant of a mass change.
 
-**Grid trials.** The score of encoder backlash is zero at zero backlash, so the score test cannot
-detect it. Instead, the gain in log-likelihood ℓ is computed at values w of the term's first
+**Grid trials.** The derivative of ℓ by encoder backlash is zero at zero backlash, so the score test
+cannot detect it. Instead, the gain in log-likelihood ℓ is computed at values w of the term's first
 parameter:
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)

@@ -140,7 +140,8 @@ class Screen:
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
         """Return for each term: its trials' indices, the model with the term, and parameter values.
 
-        The values are a list of arrays: first without the effect, then one array per trial.
+        A trial sets the term's parameters to fixed values. The first array of parameter values has
+        the term at its null; the others are those of the trials.
         """
         rows: dict[str, list[int]] = {}
         for i, p in enumerate(self.plain):

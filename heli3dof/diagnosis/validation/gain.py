@@ -163,9 +163,10 @@ def rms_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def sums_by_cell(errors: np.ndarray, cell: np.ndarray, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (Σ e² in rad², number) of the errors in each of m cells, (m, 3) each, without NaN.
+    """Return Σ e² in rad², and the number of errors e, in each of m cells: two arrays (m, 3).
 
-    ``errors`` (S, 3) rad, ``cell`` (S,): those of S predictions.
+    ``errors`` (S, 3) rad: the errors of S predictions; NaN are not counted. ``cell`` (S,): the
+    index of the cell to which each prediction belongs.
     """
     squares, counts = (
         np.column_stack([np.bincount(cell, v, m) for v in of_axes.T])

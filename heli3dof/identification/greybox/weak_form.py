@@ -142,8 +142,8 @@ def log_of(flight: Flight, window_s: float = WINDOW_S) -> SmoothedFlight:
 def span(free: np.ndarray, dt: float, width_s: float) -> Span:
     """Return a test function of the length ``width_s`` (s) and its positions in a flight.
 
-    At each position, all rows are in prediction windows, which ``free`` (N,) bool marks. ``dt`` (s)
-    is the flight's sample interval.
+    At each position, the function covers only rows of prediction windows, for which ``free`` (N,)
+    is True. ``dt`` (s) is the flight's sample interval.
     """
     n = round(width_s / dt)
     tau = np.linspace(-1, 1, n)

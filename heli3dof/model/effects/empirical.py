@@ -1,4 +1,4 @@
-"""Empirical torques: a product of measured quantities, or a piecewise linear function of one.
+"""Empirical torques: a product of measured quantities, or its piecewise linear function.
 
     τ = c · x y                      name ``empirical.x*y.AXIS``
     τ = Σ_k τ_k φ_k(x y)             name ``empirical.spline(x*y:low:high).AXIS``

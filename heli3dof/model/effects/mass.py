@@ -56,8 +56,9 @@ def mass_change(s: Any, par: Any, mem: Any, out: Any) -> None:
 def imbalance(s: Any, par: Any, mem: Any, out: Any) -> None:
     """The gravity torque on roll differs from nominal by −τ cos r at the roll angle r; τ in N·m.
 
-    τ > 0 for a heavier body. A fit estimates the gravity torque T_g instead. This effect is for
-    simulations, and for rigs whose weight (or thrust) differs between recordings.
+    τ > 0 for a heavier body. If the weight is the same in all recordings, a fit estimates the
+    gravity torque T_g instead. This effect is for simulations, and for rigs whose weight (or
+    thrust) differs between recordings.
     """
     out[0] -= par[A] * math.cos(s[R])
 

@@ -45,9 +45,9 @@ DIFFERENCE_STEP = 1e-6
 
 @inlined
 def place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write ``value`` to all positions in ``par`` of parameter q (from 0) that varies by recording.
+    """Set the parameter with the index q to ``value``, at all its positions in ``par``.
 
-    ``where`` (W, 3): the result of `positions`.
+    ``where`` (W, 3): the result of `positions` for the parameters that differ between recordings.
     """
     for z in range(where.shape[0]):
         if where[z, 2] == q:

@@ -93,7 +93,7 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return cause → missing samples, for the causes in `WHERE`; {} if the link omits a cause."""
+    """Return {cause: number of missing samples} of `WHERE`; {} if the link does not count each."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}

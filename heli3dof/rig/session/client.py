@@ -42,7 +42,7 @@ class Running:
 
 
 def recorded_sessions(device: str | None = None) -> list[Running]:
-    """Return every session with a holder file, even if its process was killed.
+    """Return every session that has a lock file, even if its process was killed.
 
     ``device``: URL of the rig that the sessions use; None: any rig.
     """
