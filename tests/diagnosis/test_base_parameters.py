@@ -40,7 +40,8 @@ def rig(ratio: tuple[float, ...] = (1, 1, 1, 1), relative_std: float = 0.003) ->
     values = start * np.array(ratio)
     return cast(Any, Fit(
         free=free, values=values, std=relative_std * values,
-        structure=SimpleNamespace(profile=default_profile()), covariance_with_edge_rates=None,
+        structure=SimpleNamespace(profile=default_profile(), free=free),
+        covariance_with_edge_rates=None,
     ))  # fmt: skip
 
 

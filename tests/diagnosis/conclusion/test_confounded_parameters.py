@@ -48,7 +48,7 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     )  # fmt: skip
     fit = SimpleNamespace(
         free=free, values=values, std=0.001 * values,
-        structure=SimpleNamespace(profile=default_profile()),
+        structure=SimpleNamespace(profile=default_profile(), free=free),
     )  # fmt: skip
     screen = SimpleNamespace(
         plain=(probe,), solved=np.array([[0.0], [absorbed], [0.0], [0.0]]), v=np.array([v])
@@ -92,7 +92,7 @@ def scaled_base(share: float, v: float, Z: float) -> Any:
     probe = SimpleNamespace(term=dead, name=dead.name, grows=True, size=1.0, values=(1.0,))
     fit = SimpleNamespace(
         free=free, values=values, std=0.001 * values,
-        structure=SimpleNamespace(profile=default_profile(), terms=()),
+        structure=SimpleNamespace(profile=default_profile(), terms=(), free=free),
     )  # fmt: skip
     screen = SimpleNamespace(plain=(probe,), solved=np.full((4, 1), share), v=np.array([v]))
     nulls = SimpleNamespace(std=np.ones(1))
