@@ -156,11 +156,20 @@ def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
     >>> is_refuted(np.array([10.0, 0.0]), flown, 0, 1)
     False
     """
-    B = flown.shape[1]
     of_k, of_j = (flown[i, :, j] - flown[i, :, k] for i in (k, j))
-    s = max(float(of_k.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / B)
-    z = (recorded[j] - recorded[k] - of_k.mean()) / s
-    return bool(z * np.sign(of_j.mean() - of_k.mean()) > t_isf(FALSE_ALARMS, B - 1))
+    z, _ = _standardised(recorded[j] - recorded[k], of_k)
+    towards_j = np.sign(of_j.mean() - of_k.mean())
+    return bool(z * towards_j > t_isf(FALSE_ALARMS, len(of_k) - 1))
+
+
+def _standardised(d: float, flown: np.ndarray) -> tuple[float, float]:
+    """Return (z, s) of the recordings' difference d, given those of B flights (B,).
+
+    z = (d − mean)/s has Student's distribution with B − 1 degrees of freedom. s is the standard
+    deviation of d about the mean of the flights.
+    """
+    s = max(float(flown.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / len(flown))
+    return float((d - flown.mean()) / s), float(s)
 
 
 def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
@@ -181,9 +190,8 @@ def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
             d = recorded[j] - recorded[k]
             log_f = []
             for i in (k, j):
-                D = flown[i, :, j] - flown[i, :, k]
-                s = max(float(D.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / B)
-                log_f.append(float(t_logpdf((d - D.mean()) / s, B - 1)) - np.log(s))
+                z, s = _standardised(d, flown[i, :, j] - flown[i, :, k])
+                log_f.append(float(t_logpdf(z, B - 1)) - np.log(s))
             W[k, j] = 2 * (log_f[0] - log_f[1])
             W[j, k] = -W[k, j]
     return W
