@@ -107,7 +107,8 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 def causes_of(row: Mapping[str, Any]) -> set[str]:
     """Return the causes in the row of a diagnosis, and the effects confounded with them.
 
-    Effects on the time stamps are left out.
+    Effects on the time stamps (``timing.gaps``) are left out, because the pauses between the blocks
+    of a bootstrap replicate cause them.
 
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']

@@ -291,7 +291,11 @@ class _Flight:
     def reason_to_end(
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
-        """Return why the flight ends in period ``k``, or None."""
+        """Return why the flight ends in period ``k``, or None.
+
+        Checks, in this order, a request to stop, the device's flags and the safety monitors
+        together, and the envelope (the profile's limits).
+        """
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
         rates = self.controller.rates

@@ -22,7 +22,8 @@ Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 class Punctuality:
     """Quantiles in s of the samples' lateness and of the computing time, over one flight.
 
-    Lateness: time from a sample's deadline to its arrival.
+    Lateness: time from a sample's deadline to its arrival. Computing time: from a sample's arrival
+    to sending the command computed from it.
     """
 
     median_s: float

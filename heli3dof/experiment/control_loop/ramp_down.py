@@ -215,7 +215,10 @@ def _is_zero(sample: Sample, motor: Motor) -> bool:
 
 
 class GuardedRecorder:
-    """Passes rows to a recorder until its first exception, which must not interrupt the ramp."""
+    """Passes rows to a recorder; ignores all rows after the recorder's first exception.
+
+    So the recorder's failure does not interrupt the ramp to zero.
+    """
 
     def __init__(self, append: Callable[[Row], None]) -> None:
         self._append = append

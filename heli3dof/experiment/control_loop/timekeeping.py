@@ -129,7 +129,7 @@ class DeviceDeadlines(VirtualDeadlines):
 
 
 class CountedDeadlines(DeviceDeadlines):
-    """Deadlines for a rig whose link counts skipped samples by cause, returned by ``skipped``."""
+    """Deadlines for a rig whose link counts skipped samples by cause (lost, not taken, late)."""
 
     def __init__(self, dt: float, skipped: Skipped) -> None:
         super().__init__(dt)

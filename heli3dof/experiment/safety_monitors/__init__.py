@@ -38,7 +38,11 @@ class SafetyMonitor(ABC):
         return None
 
     def awaits_fall(self) -> bool:
-        """Return True if the arm must fall after the ramp, but its encoder shows no fall yet."""
+        """Return True if the arm must fall after the ramp, but its encoder shows no fall yet.
+
+        Called after the ramp of a completed plan. While it returns True, the loop holds zero volts,
+        for `ramp_down.FALL_S` at most: the encoder may be dead.
+        """
         return False
 
 
