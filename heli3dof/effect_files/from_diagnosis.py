@@ -160,7 +160,7 @@ def _evidence(f: Formula) -> str:
 
 def _code(name: str) -> str:
     kind, _, inner = name.rstrip(")").rpartition("(")
-    function = {"sin": "math.sin({})", "abs": "abs({})", "": "{}"}[kind]
+    function = {"sin": "math.sin({})", "cos": "math.cos({})", "abs": "abs({})", "": "{}"}[kind]
     return function.format(CODE[inner])
 
 

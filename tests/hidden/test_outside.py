@@ -43,6 +43,6 @@ def test_a_formula_is_right_on_its_axis_only(axis: str, formula: str | None, rig
     assert proposes_true_formula(Judged({"truth": truth, "document": document}, None)) == right
 
 
-def test_the_library_contains_every_true_term_but_one_of_the_third_plant() -> None:
+def test_the_library_contains_every_true_term() -> None:
     assert set(PRODUCTS) == {*OUTSIDE, *THIRD_OUTSIDE}
-    assert set(PRODUCTS.values()) - set(LIBRARY) == {"sin(2*yaw)"}
+    assert set(PRODUCTS.values()) <= set(LIBRARY)

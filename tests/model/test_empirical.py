@@ -23,6 +23,7 @@ from tests.model.test_effects import test_machine_code_does_what_the_python_says
 PRODUCTS = {
     "roll_rate": 0.4,
     "sin(yaw)": math.sin(0.3),
+    "sin(yaw)*cos(yaw)": 0.5 * math.sin(0.6),
     "abs(pitch_rate)*pitch_rate": -0.25,
     "voltage_front*voltage_back": 56.0,
     "voltage_sum*voltage_difference": -15.0,

@@ -41,7 +41,7 @@ from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding, is_biased
 from heli3dof.diagnosis.constants import SIGMAS_95, TIE
 from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
-from heli3dof.diagnosis.search.candidate_fits import bic_penalty, with_term_at
+from heli3dof.diagnosis.search.candidate_fits import bic_penalty
 from heli3dof.diagnosis.search.rivals import ROUNDS, is_refuted, likelihoods
 from heli3dof.diagnosis.search.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
@@ -50,6 +50,7 @@ from heli3dof.diagnosis.unmodelled.torque_formula import (
     product_scores,
     significant_formula,
     variable_of,
+    with_product,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     ResidualTorque,
@@ -65,8 +66,6 @@ from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
-from heli3dof.model.effects import term
-from heli3dof.model.effects.empirical import PREFIX
 from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.recording.recording import Recording
 
@@ -267,8 +266,5 @@ def with_best_product(fit: CorrectedFit) -> Formula:
     i = max(scores, key=lambda i: float(scores[i][0].max()))
     S, c = scores[i]
     k = int(S.argmax())
-    o = fit.optimum
-    torque = term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}")
-    wide, start = with_term_at(fit.problem, o.theta, torque, (float(c[k]),))
-    best = maximise_corrected(wide, start, o.noise, None)
-    return Formula(wide, best, TorqueLocation(AXES[i], variable_of(PRODUCTS[k])))
+    problem, optimum = with_product(fit, AXES[i], PRODUCTS[k], float(c[k]))
+    return Formula(problem, optimum, TorqueLocation(AXES[i], variable_of(PRODUCTS[k])))

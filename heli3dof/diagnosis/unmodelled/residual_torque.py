@@ -117,14 +117,14 @@ class LinearisedRun:
     def variable(self, name: str) -> np.ndarray:
         """Return the variable ``name`` of `UNITS` (N,) in SI units.
 
-        The name may also be a sine (``sin(roll)``), an absolute value (``abs(roll)``), or a product
-        of two of all these.
+        The name may also be a sine (``sin(roll)``), a cosine, an absolute value (``abs(roll)``), or
+        a product of two of all these.
         """
         if "*" in name:
             one, other = name.split("*")
             return np.asarray(self.variable(one) * self.variable(other))
         if name.endswith(")"):
-            function = np.sin if name.startswith("sin(") else np.abs
+            function = {"sin": np.sin, "cos": np.cos, "abs": np.abs}[name[:3]]
             return np.asarray(function(self.variable(name[4:-1])))
         if name.endswith("_slope"):
             return self.slope_of(self.variable(name.removesuffix("_slope")))

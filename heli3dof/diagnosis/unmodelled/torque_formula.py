@@ -12,8 +12,9 @@ filter updates):
 
     S_spline − S < κ (r − 1) ln N
 
-Of products whose S is within `constants.TIE` κ of the largest, the one with fewest factors
-is proposed; the others are alternatives.
+Products whose S is within `constants.TIE` κ of the largest are alternatives. Of these, the one
+with fewest factors is proposed, if its full fit confirms it: 2 ln L must be within `TIE` κ of that
+of the fit with the product of largest S. Otherwise the latter product is proposed.
 
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
 torque (`significant_formula`):
@@ -39,7 +40,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.search.candidate_fits import bic_penalty
+from heli3dof.diagnosis.search.candidate_fits import bic_penalty, with_term_at
 from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hats, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
@@ -53,10 +54,14 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
 )
 from heli3dof.distributions import t_isf
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.bias_correction.perturbation import forward as traces_of
 from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
+from heli3dof.model.effects import term
 from heli3dof.model.effects.empirical import KNOTS, PREFIX, factors
 
 SINGLE = (
@@ -66,6 +71,7 @@ SINGLE = (
 PRODUCTS = (
     *SINGLE,
     *(f"abs({x})*{x}" for axis in AXES for x in (axis, f"{axis}_rate")),
+    *(f"sin({axis})*cos({axis})" for axis in AXES),
     *("*".join(pair) for pair in itertools.combinations_with_replacement(SINGLE, 2)),
     "voltage_front*voltage_back",
 )
@@ -99,10 +105,7 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
     S, c = product_scores(x, axis)
-    best = float(S.max())
-    near = [int(k) for k in np.argsort(-S) if best - S[k] < kappa * TIE]
-    near.sort(key=lambda k: len(factors(PRODUCTS[k])))
-    first, *others = near
+    first, *others = ordered_products(fit, torque.axis, S, c)
     spline, rank = spline_score(x, axis, torque.depends_on)
     penalty = kappa * bic_penalty(rank - 1, x.flight.at)
     out = []
@@ -116,6 +119,36 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
         name = f"{PREFIX}spline({torque.depends_on}:{knots[0]:.6g}:{knots[-1]:.6g}).{torque.axis}"
         out.append(Proposal(name, tuple(map(float, values)), torque.depends_on, False))
     return out
+
+
+def ordered_products(fit: CorrectedFit, axis: str, S: np.ndarray, c: np.ndarray) -> list[int]:
+    """Return the indices of the products that explain the torque equally well, the proposed first.
+
+    ``S`` (P,), ``c`` (P,): from `product_scores` for this ``axis``.
+    """
+    margin = TIE * max(fit.inflation, 1.0)
+    best, *others = (int(k) for k in np.argsort(-S) if S.max() - S[k] < margin)
+    simplest = min((best, *others), key=lambda k: len(factors(PRODUCTS[k])))
+    if simplest == best:
+        return [best, *others]
+    others.remove(simplest)
+    ln, ln_best = (
+        with_product(fit, axis, PRODUCTS[k], float(c[k]))[1].loglik for k in (simplest, best)
+    )
+    return [best, *others] if 2 * (ln_best - ln) > margin else [simplest, best, *others]
+
+
+def with_product(
+    fit: CorrectedFit, axis: str, product: str, c: float
+) -> tuple[Likelihood, Optimum]:
+    """Return the likelihood of ``fit`` extended by a torque c φ, and its maximum.
+
+    ``product``: φ as text; ``c``: the coefficient at which the search starts, in SI units.
+    """
+    o = fit.optimum
+    torque = term(f"{PREFIX}{product}.{axis}")
+    problem, start = with_term_at(fit.problem, o.theta, torque, (c,))
+    return problem, maximise_corrected(problem, start, o.noise, None)
 
 
 def significant_formula(x: Evidence) -> TorqueLocation | None:

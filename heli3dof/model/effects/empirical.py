@@ -40,12 +40,15 @@ from heli3dof.model.physics.state_layout import (
 
 PREFIX = "empirical."
 KNOTS = 9
-_SINE, _ABSOLUTE, _SUM, _DIFFERENCE, _ONE = SIZE, 2 * SIZE, 3 * SIZE, 3 * SIZE + 1, 3 * SIZE + 2
+_SINE, _ABSOLUTE, _COSINE = SIZE, 2 * SIZE, 3 * SIZE
+_SUM, _DIFFERENCE, _ONE = range(4 * SIZE, 4 * SIZE + 3)
 
 QUANTITIES = {
     "roll": (R, "rad", 0.3), "pitch": (P, "rad", 0.3), "yaw": (PSI, "rad", 0.3),
     "sin(roll)": (_SINE + R, "", 0.3), "sin(pitch)": (_SINE + P, "", 0.3),
     "sin(yaw)": (_SINE + PSI, "", 0.3),
+    "cos(roll)": (_COSINE + R, "", 1.0), "cos(pitch)": (_COSINE + P, "", 1.0),
+    "cos(yaw)": (_COSINE + PSI, "", 1.0),
     "roll_rate": (R_DOT, "rad/s", 0.3), "pitch_rate": (P_DOT, "rad/s", 0.3),
     "yaw_rate": (PSI_DOT, "rad/s", 0.3),
     "abs(roll)": (_ABSOLUTE + R, "rad", 0.3), "abs(pitch)": (_ABSOLUTE + P, "rad", 0.3),
@@ -156,6 +159,8 @@ def _value() -> Callable[[Any, int], float]:
             return float(s[V_FRONT] + s[V_BACK])
         if code == _DIFFERENCE:
             return float(s[V_FRONT] - s[V_BACK])
+        if code >= _COSINE:
+            return math.cos(s[code - _COSINE])
         if code >= _ABSOLUTE:
             return abs(float(s[code - _ABSOLUTE]))
         if code >= _SINE:

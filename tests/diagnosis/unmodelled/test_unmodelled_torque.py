@@ -13,7 +13,12 @@ from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.unmodelled import torque_formula
 from heli3dof.diagnosis.unmodelled.residual_torque import Hats, hats, linearised_run, sums_along
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
-from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
+from heli3dof.diagnosis.unmodelled.torque_formula import (
+    PRODUCTS,
+    ordered_products,
+    proposals,
+    significant_formula,
+)
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     THRESHOLD_SCALES,
     TORQUE_FALSE_ALARMS,
@@ -109,6 +114,25 @@ def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
     assert not curve.is_formula
     assert curve.term.startswith("empirical.spline(pitch_rate:")
     assert curve.start == tuple(torque for _, torque in first.table)
+
+
+@pytest.mark.parametrize(("loss", "first"), [(TIE / 2, "sin(yaw)"), (2 * TIE, "sin(yaw)*cos(yaw)")])
+def test_the_simplest_product_is_proposed_unless_its_full_fit_is_worse(
+    loss: float, first: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three products have nearly the same S; 2 ln L of the simplest one is lower by ``loss``."""
+    near = ("sin(yaw)*cos(yaw)", "sin(yaw)", "sin(yaw)*voltage_sum")
+
+    def with_product(fit: object, axis: str, product: str, c: float) -> object:
+        return None, SimpleNamespace(loglik=-loss / 2 if product == "sin(yaw)" else 0.0)
+
+    monkeypatch.setattr(torque_formula, "with_product", with_product)
+    S = np.zeros(len(PRODUCTS))
+    S[[PRODUCTS.index(x) for x in near]] = 100.0, 99.0, 98.0
+    fit = cast(CorrectedFit, SimpleNamespace(inflation=1.0))
+    order = ordered_products(fit, "yaw", S, np.zeros(len(PRODUCTS)))
+    assert PRODUCTS[order[0]] == first
+    assert {PRODUCTS[k] for k in order} == set(near) - ({"sin(yaw)"} if loss > TIE else set())
 
 
 def test_an_unmodified_rig_has_no_residual_torque(

@@ -269,7 +269,7 @@ CHEESEMAN_BENNETT = Effect("aero.ground_effect", "ground_radius_m", 0.03, 0.32)
 OUTSIDE = {
     "other.yaw_torque_from_roll_rate_and_voltage": "roll_rate*voltage_sum",
     "other.yaw_torque_from_yaw_squared": "abs(yaw)*yaw",
-    "other.yaw_torque_from_twice_yaw": "sin(2*yaw)",
+    "other.yaw_torque_from_twice_yaw": "sin(yaw)*cos(yaw)",
     "other.pitch_torque_from_yaw_rate_squared": "abs(yaw_rate)*yaw_rate",
     "other.roll_torque_from_yaw_rate_and_voltage": "yaw_rate*voltage_sum",
 }
