@@ -1,4 +1,4 @@
-"""Find the causes why a simulation of the rig predicts recordings badly, and extend the model.
+"""Find out why a simulation of the rig predicts recordings badly, and extend its model.
 
 A diagnosis computes the prediction errors of the simulation, identifies the physical effects that
 cause them, and computes the errors that remain when the model contains these effects.

@@ -100,10 +100,11 @@ def diagnose(
 
     ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
     linear model). With "hover", the complete rigid-body equations may be found as a cause
-    (``geometry``). The improvement of the predictions by the causes is measured on ``holdout``;
-    without it, by cross-validation. ``quick``: fewer simulated flights (`QUICK` instead of `FULL`).
-    If the likelihood of the recordings is not reliable, ``quick`` also omits cross-validation.
-    ``seed``: random seed of the simulated flights. ``progress`` receives progress messages.
+    (``geometry``). ``holdout``: recordings on which to measure how much each cause improves the
+    predictions. Without them, this is measured by cross-validation. ``quick``: fewer simulated
+    flights (`QUICK` instead of `FULL`). If the likelihood of the recordings is not reliable,
+    ``quick`` also omits cross-validation. ``seed``: random seed of the simulated flights and of
+    the bootstrap. ``progress`` receives progress messages.
 
     Raises RecordingError if nothing can be fitted. Raises UsageError if ``base`` is unknown, if two
     recordings contain the same samples, or if they are of different rigs.

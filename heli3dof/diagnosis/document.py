@@ -190,10 +190,10 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
 
 
 def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
-    """Return the JSON object of a cause, with the improvement of the predictions by it as ``gain``.
+    """Return the JSON object of a cause; ``gain`` states how much its term improves predictions.
 
-    No gain is measured for a fault of a recording, or for a base parameter (thrust gain, trim
-    torque or inertia) that is off nominal. The entries of their ``gain`` are None.
+    This gain is not measured for a fault of a recording, or for a base parameter (thrust gain, trim
+    torque or inertia) that is off nominal. All numbers in their ``gain`` are None.
     """
     if isinstance(x, Fault):
         value, std = next(iter(x.parameters.values()), (0.0, 0.0))

@@ -117,8 +117,8 @@ class Fitted:
     def predicts_worse(self) -> bool:
         """Return whether the extended model predicts much worse than the uncalibrated simulation.
 
-        The latter has the profile's parameter values. The mean square error of the extended model
-        on held-out data, summed over the axes, is then over 1.5 times as large.
+        This simulation has the profile's parameter values. The compared number is the mean square
+        error on held-out data, summed over the axes. The limit is 1.5 times that of the simulation.
         """
         if self.refit is None:
             return False

@@ -251,10 +251,11 @@ def estimates_agree(a: NullDistance, b: NullDistance) -> bool:
 
 
 def both_significant(a: NullDistance, b: NullDistance) -> bool:
-    """Return whether two estimates of a parameter differ from its null value with the same sign.
+    """Return whether two estimates of a parameter are both significant, with the same sign.
 
-    Both must differ at the one-sided level `LEVEL`. The result is False if the prior determines an
-    estimate more than the data do.
+    An estimate is significant if it differs from the parameter's null value (no effect) at the
+    one-sided level `LEVEL`. The result is False if the prior determines an estimate more than the
+    data do.
     """
     if a.mostly_prior or b.mostly_prior or math.copysign(1.0, a.u) != math.copysign(1.0, b.u):
         return False

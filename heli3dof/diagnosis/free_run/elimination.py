@@ -19,8 +19,8 @@ Prediction windows overlap, so the bootstrap resamples whole cells (block bootst
    - Prior knowledge: the prior mean is more than `SIGMAS_997` prior standard deviations from the
      null value, at which the term has no effect.
    - Training cost: without the term, the cost Q of the multi-step fit on the training blocks
-     increases by `SIGMAS_997`² or more. A model without such a term is wrong, so tests of the other
-     terms with it would be invalid.
+     increases by `SIGMAS_997`² or more. The model without such a term is wrong. Tests of the other
+     terms in this model would be invalid.
 2. The model is refitted without the removed term. Terms correlated with it are tested again.
 3. `free_run.cause_selection` selects the causes among the terms that stay by need or prior
    knowledge. An effect of the catalogue is confounded with a cause (`tied_with`) if the effect can

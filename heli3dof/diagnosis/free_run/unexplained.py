@@ -137,10 +137,10 @@ def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[s
 
 
 def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
-    """Return a take-off's mean pitch acceleration (rad/s²): measured, of the model, and its σ.
+    """Return the mean pitch acceleration in a take-off, in rad/s²: (measured, of the model, σ).
 
-    σ is the standard deviation of the model's value. The mean is over recording i, from `SPUN_UP_S`
-    after row k to row k + n.
+    σ is the standard deviation of the model's value. The mean is over the rows of recording i from
+    `SPUN_UP_S` after row k to row k + n.
     """
     alone, at = with_recordings(fit.problem, [i])
     (flight,) = alone.flights
@@ -193,10 +193,10 @@ class CreepRun:
 
 
 def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
-    """Return how roll changes slowly at constant voltage; None if the recording cannot show it.
+    """Return the creep (slow change of roll at constant voltage) in a recording.
 
-    Both motors must have the same constant voltage for at least `LEAST_S`. This voltage must hold
-    the arm above the table.
+    The result is None unless both motors have the same constant voltage for at least `LEAST_S`, and
+    this voltage holds the arm above the table.
     """
     r, on = recording, constant_voltage(recording)
     if on is None:

@@ -27,8 +27,8 @@ the term's first parameter:
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
 θ and a are the current fit's parameters and noise intensities. w increases along the term's grid as
-long as Δℓ(w) rises; ŵ is the value with the largest Δℓ. The model is refitted with the term if both
-hold:
+long as Δℓ(w) rises; ŵ is the last value before Δℓ falls. The model is refitted with the term if
+both hold:
 
 1. Δℓ(ŵ) > `MIN_TRIAL_GAIN`.
 2. If flights can be simulated: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`. Δℓ_null is the gain in a
@@ -164,9 +164,9 @@ def fit_candidates(
     """Refit the model with each ``ranked`` and each ``tried`` term; return the best score first.
 
     ``ranked``: entries of `Screening.ranked`. ``tried``: terms that the score test cannot detect,
-    evaluated at trial values instead; they are fitted first. `MAX_SCORE_PER_Z2` · Z² is an upper
-    bound of the score of a ranked term. If it does not exceed the best score of the tried terms,
-    the ranked term is not fitted. Fits that diverge or end at a bound are omitted.
+    evaluated at trial values instead; they are fitted first. `MAX_SCORE_PER_Z2` · Z² is the largest
+    score to expect of a ranked term. If it does not exceed the best score of the tried terms, the
+    ranked term is not fitted. Fits that diverge or end at a bound are omitted.
     """
     if not ranked and not tried:
         return []

@@ -151,10 +151,11 @@ def likelihoods(
 def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
     """Return whether flights simulated from rival k refute that k is the cause, in favour of j.
 
-    d = ℓ_j − ℓ_k is the difference of the rivals' log-likelihoods. If k is the cause, the simulated
-    flights give the distribution of d. Rival k is refuted if d of the recordings is in its tail
-    towards the mean d of the flights from j. The tail's probability is `FALSE_ALARMS`. Flights from
-    j may refute j too; then neither rival is the whole cause. Arguments as in `odds`.
+    d = ℓ_j − ℓ_k is the difference of the rivals' log-likelihoods. The flights simulated from k
+    give the distribution of d for the case that k is the cause. Rival k is refuted if d of the
+    recordings is too far from its mean, towards the mean of d in the flights from j. A d this far
+    has at most the probability `FALSE_ALARMS` if k is the cause. Flights from j may refute j too;
+    then neither rival is the whole cause. Arguments as in `odds`.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]
@@ -172,9 +173,9 @@ def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
 def _standardised(recorded_d: float, flown_d: np.ndarray) -> tuple[float, float]:
     """Return (z, s) with z = (d − mean)/s, for the difference d of two rivals' log-likelihoods.
 
-    ``recorded_d`` is d for the recordings. The mean is that of ``flown_d`` (B,), the values of d
-    for B flights simulated from one rival. If this rival is the cause, s is the standard deviation
-    of d about the mean, and z has Student's distribution with B − 1 degrees of freedom.
+    d is ``recorded_d`` for the recordings and ``flown_d`` (B,) for B flights simulated from one
+    rival. The mean is over these flights. s is the standard deviation of d − mean if this rival is
+    the cause; z then has Student's distribution with B − 1 degrees of freedom.
     """
     s = max(float(flown_d.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / len(flown_d))
     return float((recorded_d - flown_d.mean()) / s), float(s)

@@ -13,10 +13,10 @@ A = T W Tᵀ + Λ,
 
 The parts with A⁻¹ project out the fitted parameters, so a refit is not necessary.
 
-u = Σ q δc is a weighted sum over the readings (`evaluation.efficient_score` gives the weights q).
-It is computed without δc of each probe. The probe changes the model's accelerations by δa (rad/s²).
-One backward pass of the linearised filter gives L, the derivative of u with respect to δa at each
-time. Then u = Σ L·δa for every probe (`bias_correction.perturbation`).
+u = Σ q δc is a weighted sum over the readings; `evaluation.efficient_score` gives the weights q. A
+probe changes the model's accelerations by δa (rad/s²). One backward pass of the linearised filter
+gives L, the derivative of Σ q δc with respect to δa at each time. Then u = Σ L·δa for every probe,
+so u does not require δc of each probe (`bias_correction.perturbation`).
 
 The likelihood is approximate, so z is biased; `search.nulls` standardises it.
 """
@@ -125,9 +125,11 @@ class Screen:
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
 
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
-        """Return the scores of the probes (fixed trial values) and of the scans (all frequencies).
+        """Return the scores of all candidates in the recordings or in a null simulation.
 
-        A scan may also test all start times. ``prior``: as in `efficient_score`.
+        ``evaluation``: the filter's run over these data. Candidates with fixed trial values come
+        first. Candidates that are tested at every frequency or start time follow. ``prior``: as in
+        `efficient_score`.
         """
         q = efficient_score(self.problem, self.theta, evaluation, prior=prior)
         L, mu, z0 = backward(evaluation.path, q[None])

@@ -88,10 +88,11 @@ class Screening:
 
     @cached_property
     def _size_std(self) -> np.ndarray:
-        """Return, for each test of an effect at trial values, the σ of the effect's estimated size.
+        """Return the standard deviation of each effect's size, if the score test estimates it.
 
-        The size is the value of the effect's first parameter; σ is its standard deviation in the
-        unit of the parameter. Torques that are tested at every frequency or start time are omitted.
+        The size is the value of the effect's first parameter, in its unit. There is one element for
+        each test at fixed trial values. Torques that are tested at every frequency or start time
+        are omitted.
         """
         plain, v = self.screen.plain, self.screen.v
         size = np.array([np.inf if p.size is None else p.size for p in plain])

@@ -161,7 +161,10 @@ def rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
 
 
 def rows_of_recordings(d: Data) -> list[tuple[int, int]]:
-    """Return for each recording the range [a, b) of its usable rows, in the order of ``d.runs``."""
+    """Return for each recording the smallest range [a, b) that contains all its usable rows.
+
+    The recordings are in the order of ``d.runs``.
+    """
     sources = [run.source for run in d.runs]
     of = {s: [b for b, other in zip(d.blocks, sources, strict=True) if other == s] for s in sources}
     return [(int(blocks[0][1]), int(blocks[-1][2])) for blocks in of.values()]
