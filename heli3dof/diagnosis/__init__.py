@@ -1,4 +1,8 @@
-"""Diagnose a simulation: its errors, their causes, and the errors of a model with these causes."""
+"""Find out why a simulation of the rig predicts recordings badly, and extend its model.
+
+A diagnosis computes the prediction errors of the simulation, identifies the physical effects that
+cause them, and computes the errors that remain when the model contains these effects.
+"""
 
 from __future__ import annotations
 

@@ -47,8 +47,9 @@ FINDINGS = {
 }  # fmt: skip
 """Base parameter → name of the finding that it differs from nominal"""
 THRUST_GAIN, *PARAMETERS = FINDINGS.values()
-"""Names of the findings: of K_f; of T_g and the inertias, in the order of a fit's parameters"""
-STD_INFLATION = 3.0  # f of fits without edge rates, chosen
+"""Names of the findings: THRUST_GAIN belongs to K_f. PARAMETERS belong to T_g and the inertias, in
+the order of a fit's parameters."""
+STD_INFLATION = 3.0  # f of fits that only maximise the likelihood, chosen
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,9 @@ def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
 def std_inflation(fit: PhysicalFit) -> float:
     """Return the factor f by which `off_nominal` multiplies standard deviations due to noise.
 
-    It is `STD_INFLATION` for a fit by likelihood alone (without edge rates), else 1.
+    The factor is `STD_INFLATION` if the fit only maximises the likelihood. It is 1 for a fit to
+    free-run predictions, and for a fit that also matches edge rates (how often encoder counts
+    change).
     """
     by_likelihood = isinstance(fit, CorrectedFit) and fit.covariance_with_edge_rates is None
     return STD_INFLATION if by_likelihood else 1.0

@@ -15,10 +15,12 @@ TIE = 6.0
 SUFFICIENT = 100.0
 """Score that is enough for any further cause. Chosen; not derived."""
 DRIFT = 0.25
-"""Uncertainty of the nulls' mean score, relative to that mean. Chosen; not derived."""
+"""Uncertainty of a score's mean in null simulations, relative to this mean. Chosen; not derived."""
 LARGE = 5.0
-"""Largest plausible size of a parameter, in typical sizes. Chosen; not derived."""
+"""Largest plausible size of a parameter, in units of its typical size. Chosen; not derived."""
 MAX_CAUSES = 4
-"""Most causes of a diagnosis, or confounded causes simulated for a plan. Chosen."""
+"""Largest number of causes in a diagnosis, and of confounded causes that are simulated to choose a
+plan. Chosen."""
 MAX_COMPARED = 3
-"""Most causes, torques or terms that one step compares or adds: each costs full fits. Chosen."""
+"""Largest number of causes, torques or terms that one step compares or adds. Each of them requires
+refits. Chosen."""

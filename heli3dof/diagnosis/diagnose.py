@@ -5,8 +5,9 @@ The gain of a cause is the decrease of the prediction error if the model contain
 1. Integrity checks: a faulty recording is not diagnosed.
 2. Base fit: the trim torque T_g and the inertias of the rigid body (or of the paper's hover model)
    are estimated and bias-corrected (`bias_correction.correction`).
-3. Forward selection (`search.select`): a score test against simulated nulls, then full fits of
-   the best candidates; both are repeated after each cause.
+3. Forward selection (`search.select`): a score test of all candidate effects, compared with flights
+   simulated without them; then refits with each of the best candidates added. Both are repeated
+   after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped. If all are dropped,
    step 3 is repeated without them.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
@@ -74,7 +75,7 @@ class Effort(NamedTuple):
     """Numbers of simulated flights. Chosen."""
 
     nulls: int
-    """Null simulations of the first score test"""
+    """Null simulations (flights without any further effect) of the first score test"""
     later_nulls: int
     """Null simulations of each further score test"""
     correction: int
@@ -95,16 +96,18 @@ def diagnose(
     progress: Progress = lambda sentence: None,
     base: str = "rigid",
 ) -> Diagnosis:
-    """Return the errors of a simulation of these recordings, and their causes.
+    """Return how well a simulation predicts these recordings, and the causes of its errors.
 
     ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
-    linear model; the rigid body is then a candidate, ``geometry``). ``quick``: fewer simulated
-    flights (`QUICK` instead of `FULL`), and no cross-validation if the logs have no
-    reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
-    ``progress`` receives progress messages.
+    linear model). With "hover", the complete rigid-body equations may be found as a cause
+    (``geometry``). ``holdout``: recordings on which to measure how much each cause improves the
+    predictions. Without them, this is measured by cross-validation. ``quick``: fewer simulated
+    flights (`QUICK` instead of `FULL`). If the likelihood of the recordings is not reliable,
+    ``quick`` also omits cross-validation. ``seed``: random seed of the simulated flights and of
+    the bootstrap. ``progress`` receives progress messages.
 
-    Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown, two
-    recordings contain the same samples, or they are of different rigs.
+    Raises RecordingError if nothing can be fitted. Raises UsageError if ``base`` is unknown, if two
+    recordings contain the same samples, or if they are of different rigs.
     """
     if base not in BASES:
         raise UsageError(
@@ -195,12 +198,12 @@ def search_causes(
     setup: Setup, start: CorrectedFit, earlier: Sequence[Choice], holdout: Sequence[Recording],
     effort: Effort, clock: StageClock,
 ) -> tuple[list[Step], AdoptionResult]:  # fmt: skip
-    """Return all steps of forward selection, and which causes are adopted.
+    """Return all steps of forward selection, and the causes that are adopted after it.
 
-    The search begins at the fit ``start``, which contains the ``earlier`` causes. They are tested
-    again, together with the causes found. If all causes are dropped, effects that they seemed to
-    explain may remain unexplained. So the search is repeated without the dropped causes, until a
-    cause is adopted or none is found.
+    The search begins at the fit ``start``, which contains the ``earlier`` causes. Held-out data
+    test these causes and the new ones (`conclusion.adoption`). If all are dropped, another effect
+    may be the cause. So the search is repeated without the dropped causes, until a cause is adopted
+    or none is found.
     """
     steps, dropped = list[Step](), list[Dropped]()
     while True:
@@ -219,9 +222,10 @@ def search_causes(
 def forward_selection(
     setup: Setup, start: CorrectedFit, earlier: Sequence[Choice], effort: Effort, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Return (steps of forward selection, final fit); the last step may have found no effect.
+    """Return (steps of forward selection, final fit).
 
-    The fit ``start`` contains the ``earlier`` causes.
+    Each step adds one cause to the fit ``start``, which contains the ``earlier`` causes. In the
+    last step, ``choice`` may be None: there was no further significant effect.
     """
     fit, steps = start, list[Step]()
     # An inertia off nominal counts as an earlier cause (rule 4 of `search.select`).

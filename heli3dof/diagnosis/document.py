@@ -83,7 +83,10 @@ def diagnosis_document(
 
 
 def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
-    """Return a JSON object: an axis' errors with the profile's numbers, and their noise floors."""
+    """Return a JSON object: prediction errors (RMSE) of one axis, each with its noise floor.
+
+    They are errors of the simulation with the profile's parameter values, by prediction horizon.
+    """
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
     e = f.simulation_error
@@ -100,12 +103,14 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     """Return a JSON object for each base parameter: estimate, nominal value, relative tolerance.
 
-    ``beyond_tolerance`` states whether the parameter differs from nominal by more than the
-    tolerance:
+    The base parameters are the thrust gain, the trim torque and three inertias. The value of
+    ``beyond_tolerance`` is one of these:
 
-    - "surely": it does, and is a finding
-    - "not_surely": the estimate does, but noise or a residual torque may be the reason
-    - "no": the estimate does not
+    - "surely": the parameter differs significantly from nominal by more than the tolerance. It is
+      reported as a finding.
+    - "not_surely": the estimate differs from nominal by more than the tolerance, but noise or a
+      residual torque may be the reason.
+    - "no": the estimate is within the tolerance.
     """
     tolerance = f.model.profile.tolerance
     findings = {x.term.name for x in d.calibration_findings}
@@ -133,7 +138,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
 def _profile(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     """Return a JSON object for each key of the profile that `profile update` changes.
 
-    ``was`` is the key's value in the profile, ``value`` the calibrated one.
+    ``was`` is the key's value in the profile, ``value`` the calibrated value.
     """
     if f is None:
         return []
@@ -145,21 +150,26 @@ def _profile(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]
 def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
 
-    Ratios with an inertia that was implausible, and therefore has a narrow prior, are omitted.
+    A ratio is omitted if the fit gave an implausible estimate of its inertia. Such a fit is
+    repeated with a narrow prior on the inertias, which then determines the ratio.
     """
     if f is None:
         return []
-    held = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
+    biased = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
     base = {c.name: c for c in f.calibration}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
         for n, m in ratios(base, f.model.profile, hover).items()
-        if n not in held
+        if n not in biased
     ]
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the JSON object of a gain: RMSE on held-out data before and after, and intervals."""
+    """Return the JSON object of a gain: how much better a model predicts held-out data.
+
+    It contains the prediction RMSE before and after a change of the model, and the differences with
+    intervals. ``f`` adds the noise floor.
+    """
     rmse: dict[str, Any] = {"before": dict.fromkeys(AXES), "after": dict.fromkeys(AXES)}
     if g is not None:
         rmse = {"before": dict(g.before), "after": dict(g.after)}
@@ -180,7 +190,11 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
 
 
 def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
-    """Return the JSON object of a cause; a fault or a base parameter has an empty ``gain``."""
+    """Return the JSON object of a cause; ``gain`` states how much its term improves predictions.
+
+    This gain is not measured for a fault of a recording, or for a base parameter (thrust gain, trim
+    torque or inertia) that is off nominal. All numbers in their ``gain`` are None.
+    """
     if isinstance(x, Fault):
         value, std = next(iter(x.parameters.values()), (0.0, 0.0))
         score = (value / std) ** 2 if std > 0 else 0.0
@@ -211,7 +225,10 @@ def _cause_object(
 
 
 def _residual_torque(x: ResidualTorque) -> dict[str, Any]:
-    """Return the JSON object of an unmodelled torque, with its term in the extended model."""
+    """Return the JSON object of an unmodelled torque.
+
+    It also contains the term by which the extended model describes this torque, if there is one.
+    """
     t = x.term
     f = t if t is not None and t.proposal.is_formula else None
     return {
@@ -234,9 +251,11 @@ def _residual_torque(x: ResidualTorque) -> dict[str, Any]:
 
 
 def _remainder(r: UnexplainedError) -> dict[str, Any]:
-    """Return an unexplained error as the JSON object of a torque that depends on no known variable.
+    """Return the JSON object of a prediction error that neither causes nor noise explain.
 
-    ``error_deg`` contains the errors of the simulation and of the extended model, and the floor.
+    The document lists such an error as an unmodelled torque that depends on no known variable. So
+    the object has the same keys as that of `_residual_torque`. ``error_deg`` contains the error of
+    the simulation, the error of the extended model, and the noise floor.
     """
     torque = ResidualTorque(r.axis, "", 0.0, (), (), 0.0, 0.0)
     return {
@@ -256,7 +275,10 @@ def _coefficient(f: TorqueTerm) -> dict[str, Any]:
 
 
 def _recommendation(n: NextExperiment) -> dict[str, Any]:
-    """Return the recommended plan, its certainty, and the expected results of all plans."""
+    """Return the JSON object of the recommended plan, with the expected results of all plans.
+
+    ``certainty`` is the probability that a flight of the plan decides between the causes.
+    """
     return {
         "plan": n.plan,
         "separates": list(n.separates),
@@ -272,8 +294,8 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
     """Return the catalogue's plan for the first cause that a flight can separate from others.
 
-    The plan is the attribute ``separated_by`` of the cause's effect, or "rich" if that is empty.
-    The result is None if there is no such cause.
+    The plan is the attribute ``separated_by`` of the cause's effect, or "rich" if this attribute is
+    empty. The result is None if there is no such cause.
     """
     for cause in physical(d.in_order):
         name = cause.term.name

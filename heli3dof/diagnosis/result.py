@@ -47,7 +47,7 @@ class Finding:
     values: Mapping[str, tuple[float, float]]
     """Parameter → (value, standard deviation) in the final fit, SI units"""
     gain: Gain
-    """Gain of the model with all adopted causes over the same model refitted without this cause"""
+    """Gain of the model with all adopted causes, compared with its refit without this cause"""
     noise: FloatArray
     """(4,) noise (`Optimum.noise`) of the fit without this cause"""
     unconfirmed: bool = False
@@ -74,7 +74,10 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
-    """A cause that was selected but not adopted."""
+    """A cause that forward selection had added to the model, but that a later test removed.
+
+    ``why`` states the test's reason, for example that held-out data do not confirm the gain.
+    """
 
     name: str
     gain: Gain
@@ -100,19 +103,22 @@ class Fitted:
     after: HeldOut | None
     """Results on held-out data of the refitted base simulation and of the extended model"""
     simulation_error: SimulationError
-    """Prediction errors with the profile's numbers, and the extended model's noise floor"""
+    """Prediction errors of the simulation with the profile's parameter values, and the noise floor
+    of the extended model"""
     refit: Gain | None = None
-    """Gain of the refitted base simulation over the one with the profile's numbers"""
+    """Gain of the refitted base simulation over the simulation with the profile's values"""
     calibration: tuple[BaseParameter, ...] = ()
     """The base parameters of the extended model"""
     open: UndecidedTerms | None = None
-    """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
+    """Terms about which a further flight should decide; None if a likelihood was fitted, or if the
+    extended model was not adopted"""
 
     @property
     def predicts_worse(self) -> bool:
-        """Return whether the extended model predicts much worse than the profile's numbers do.
+        """Return whether the extended model predicts much worse than the uncalibrated simulation.
 
-        Its mean square error on held-out data, summed over the axes, is over 1.5 times as large.
+        This simulation has the profile's parameter values. The compared number is the mean square
+        error on held-out data, summed over the axes. The limit is 1.5 times that of the simulation.
         """
         if self.refit is None:
             return False
@@ -145,9 +151,9 @@ class UnexplainedError:
 
     axis: str
     simulation_deg: float
-    """Error of the simulation with the profile's numbers"""
+    """Error on held-out data of the simulation with the profile's parameter values"""
     extended_deg: float
-    """Error of the extended model; both on held-out data"""
+    """Error of the extended model on the same data"""
     noise_deg: float | None
     """Noise floor; None if it is unknown"""
 
@@ -177,9 +183,9 @@ class Diagnosis(Result):
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults that are causes: those that name an effect.
+        """Return the faults of the recordings that are causes of simulation errors.
 
-        Their kind is ``finding``.
+        These are the faults that name an effect. Their kind is ``finding``.
         """
         return tuple(f for f in self.integrity if f.is_cause)
 
@@ -229,8 +235,9 @@ def in_order(
 ) -> tuple[Fault | Finding | OffNominal, ...]:
     """Return all causes: the findings in the order of selection, then faults of the recordings.
 
-    Each base parameter off nominal is inserted before the first finding with a lower score. The
-    faults are last: the fit allows for lost samples and jitter, so they explain little error.
+    ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
+    inserted before the first finding with a lower score. The faults are last: the fit allows for
+    lost samples and jitter, so they explain little error.
     """
     out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
@@ -246,11 +253,11 @@ def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | O
 
 @dataclass(frozen=True)
 class PlanForecast:
-    """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
+    """Expected result of a flight of one plan: the evidence that it gives, and its ``certainty``.
 
-    ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`),
-    or for each undecided parameter (`planning.free_run_plan`).
-    ``certainty``: probability that a flight of the plan decides.
+    ``margins``: evidence, as a difference of 2 ln L, for each simulated cause against the others
+    (`planning.next_experiment`), or for each undecided parameter (`planning.free_run_plan`).
+    ``certainty``: probability that this evidence suffices for a decision.
     """
 
     plan: str
@@ -265,7 +272,10 @@ class PlanForecast:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The recommended plan, the causes it separates, its ``certainty``, and all plans by rank."""
+    """The recommended plan, and the causes between which a flight of this plan should decide.
+
+    ``certainty``: probability that such a flight decides. ``ranking``: all plans, the best first.
+    """
 
     plan: str
     separates: tuple[str, ...]
@@ -276,7 +286,7 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class UndecidedTerms:
-    """Terms of a fit on which a further flight should decide (`cause_selection.open_terms`)."""
+    """Terms about which a further flight should give a decision (`cause_selection.open_terms`)."""
 
     fit: MultiStepFit
     names: tuple[str, ...]

@@ -22,6 +22,7 @@ PAGES = [
     *STUDIES,
     safety_page.RAMP_DOWN_PAGE,
     protocol_page.GOLDEN_PAGE,
+    fleet_page.RESULTS_PAGE,
     *(
         module.PAGE
         for module in (

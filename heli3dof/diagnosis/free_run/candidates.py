@@ -1,16 +1,21 @@
 """Score test of every effect that a multi-step fit lacks, without fitting any.
 
-r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
-(`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with dim scaled parameters z.
-H = D Dᵀ + Λ includes the prior's precision Λ. A probe is an effect of a trial size
-(`search.catalogue`); it changes r by d (R,), which one simulation gives. Z² = u²/v is the
-decrease of Q with the effect. `search.score_test` gives u and v: its δc is d, T is D, A is H, W
-is 1 and g is −r.
+The fit minimises its cost Q = r·r + prior term, which corresponds to −2 ln L. r (R,) are its
+weighted residuals (`heli3dof.identification.greybox.multistep`), D = ∂r/∂z (dim, R) their
+derivatives with respect to the dim scaled parameters z. A probe is an effect with trial values of
+its parameters (`search.catalogue`). Simulation of the model with this effect gives the change
+d (R,) of r. If r is linear in the parameters, the effect decreases the minimum of Q by Z² = u²/v:
 
-Let w (R,) be the change of r if a cause c of the fit is removed, and d̃ (R,) that by a probe; both
-with the fit's other parameters projected out. To first order, adding the probe's effect recovers a
-share ρ² = (d̃·w)²/(d̃·d̃ w·w) of the increase of Q by the removal. The effect may be confounded
-with c if |ρ| exceeds `CORRELATED`.
+    u = −d·(r − Dᵀ H⁻¹ (D r + Λ (z − z_0)))        score
+    v = d·d − (D d)ᵀ H⁻¹ (D d)                     information on the effect's size
+    H = D Dᵀ + Λ                                   Λ, z_0: precision and mean of the prior
+
+The parts with H⁻¹ project out the fit's parameters, as in `search.score_test`.
+
+An effect may be confounded with a cause of the fit. Let w (R,) be the change of r if the cause is
+removed, and d̃ (R,) the change of r if the effect is added. The fit's other parameters are projected
+out of both. Removal of the cause increases Q. To first order, the effect then reduces this increase
+by the share ρ² = (d̃·w)²/(d̃·d̃ w·w). It may be confounded with the cause if |ρ| > `CORRELATED`.
 """
 
 from __future__ import annotations
@@ -55,8 +60,9 @@ class Candidate:
 def score_tests(fit: MultiStepFit) -> list[Candidate]:
     """Return the score test of each effect that ``fit`` lacks, largest Z² first.
 
-    Of an effect's trial values, that with the largest Z² is returned. Effects that only write the
-    rigid body's equations in another form (``formal``) are not tested: they are no causes.
+    An effect may be tested with several trial values of its parameters. Only its test with the
+    largest Z² is returned. ``formal`` effects are not tested. They change only the form of the
+    rigid body's equations, for example omit couplings, so they cannot be causes.
     """
     p = fit.problem
     V = np.concatenate([f.V for f in p.flights])
@@ -100,7 +106,10 @@ def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
 
 
 def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidate]) -> list[str]:
-    """Return the tested effects that may replace the term ``name`` of the fit, best first."""
+    """Return the tested effects that may be confounded with the term ``name`` of the fit.
+
+    The effect with the largest ρ² (see the module) is first.
+    """
     p = fit.problem
     own = np.array([fit.structure.free[j].term == name for j in parameter_of_unknown(p)])
     D = fit.tangents[~own]

@@ -1,39 +1,43 @@
 """Decide which terms of the fitted model are causes, and which are only kept in the model.
 
-Let θ̂ ± σ be the estimate of a term's first parameter and θ_0 its null value, at which the term has
-no effect. The confidence level (two-sided) at which the parameter differs from θ_0 is
+A term is an effect on one axis, such as dry friction on pitch. Let θ̂ ± σ be the estimate of its
+first parameter and θ_0 this parameter's null value, at which the term has no effect. The confidence
+level (two-sided) at which the parameter differs from θ_0 is
 
     P = erf(|θ̂ − θ_0| / (σ √2))
 
-For a parameter that varies by recording, P follows from χ² of its values. A term is a cause if all
-of these hold:
+For a parameter with a separate value for each recording, P follows from χ² of these values. A term
+is a cause if all of these hold:
 
-- A fit without the term predicts held-out blocks worse, or the term is known beforehand: its prior
-  already excludes that it has no effect (`free_run.elimination`).
-- P ≥ `LEVEL`, and the estimate is not mostly the prior: σ is clearly below the prior's standard
-  deviation (`MultiStepFit.mostly_prior`).
-- The estimates from both halves of the data agree, and each is significant. A half is every other
-  block of each flight. For a term known beforehand it is enough that they agree.
+- A model without the term predicts held-out blocks worse. This condition is waived for a term known
+  beforehand, that is, if the prior already excludes θ_0 (`free_run.elimination`).
+- P ≥ `LEVEL`, and the recordings determine the estimate more than the prior does: σ is clearly
+  below the prior's standard deviation (`MultiStepFit.mostly_prior`).
+- The estimates from the two halves of the data agree, and both are significant (see below). A term
+  known beforehand need not be significant.
 
-All other terms stay in the model with their priors: a term set to zero predicts new motion worse
-than a term of likely size.
+All other terms stay in the model with their priors, because a model without such a term predicts
+new motion worse than a model that contains it at a likely size.
 
-**Trim torque.** A multi-step fit has the trim torque T_g and one torque τ_i for each recording
-(`mass.imbalance`). No recording separates the mean τ̄ of these torques from T_g. So T_g + τ̄
-replaces T_g, and zero replaces τ̄ (`MeanTrimFit`). The result has the covariance J C Jᵀ. C is the
-covariance of the fit, J the derivatives of the new parameters by the old ones.
+**Trim torque.** A multi-step fit estimates the trim torque T_g and, for each recording, an
+additional torque τ_i (`mass.imbalance`). The recordings determine T_g + τ̄, where τ̄ is the mean of
+all τ_i, but not T_g and τ̄ separately. So `MeanTrimFit` replaces T_g by T_g + τ̄ and sets τ̄ to zero.
+The covariance of its parameters is J C Jᵀ. C is the covariance of the fit's parameters, J contains
+the derivatives of the new parameters with respect to the fit's.
 
-**Halves.** A fit's σ contains noise, but not errors of the model's form. Such errors make the
-estimates from two halves of the flights differ. So each fold's training blocks (`free_run.refits`)
-are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
+**Halves of the data.** σ accounts for noise, but not for a model equation of the wrong form. A
+wrong form makes the estimates from two halves of the data differ. The cross-validation has two
+folds (`free_run.refits`). The training set of fold h is half h of the data: every other block of
+each flight. The fit to half h gives the estimate θ_h ± σ_h of the term's first parameter.
 
-    u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ q,
-                                               all u_h of one sign, none mostly the prior
-    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_997`
+    u_h = (θ_h − θ_0)/σ_h
+    both significant:    min_h |u_h| ≥ q, and u_1 and u_2 have the same sign
+    estimates agree:     |θ_1 − θ_2| ≤ `SIGMAS_997` √(σ_1² + σ_2²)
 
-q is the one-sided normal quantile of `LEVEL`. An estimate that is mostly the prior is not
-significant: both fits share the prior, which makes their estimates equal. If the parameter varies
-by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
+q is the one-sided normal quantile of `LEVEL`. The two estimates do not count as significant if the
+prior determines one of them more than the data do: both fits use this prior, so it makes their
+estimates equal. If the parameter has a separate value for each recording, the estimates always
+count as agreeing. u_h is then the normal deviate with the same p-value as χ² of the values.
 """
 
 from __future__ import annotations
@@ -93,10 +97,9 @@ def contradicted(result: Elimination, r: TermResult) -> str:
     known = [d for h in result.halves if (d := null_distance(h, r.term)) is not None]
     if len(known) < 2:
         return ""
-    equal_size, significant = compared(*known)
-    if not equal_size:
+    if not estimates_agree(*known):
         return "the two halves of the data give it different sizes"
-    if significant or r.term in known_beforehand(result.fit.problem):
+    if both_significant(*known) or r.term in known_beforehand(result.fit.problem):
         return ""
     return "it is not significant in each half of the data"
 
@@ -115,13 +118,13 @@ def confidence(result: Elimination, r: TermResult) -> float:
 def open_terms(
     result: Elimination, causes: list[TermResult], only_kept: list[TermResult]
 ) -> UndecidedTerms:
-    """Return the terms on which a further flight should decide.
+    """Return the terms about which a further flight should give a decision.
 
-    These are the first of the following that exist:
+    The function returns the first of these groups that is not empty:
 
     1. the first confounded cause and the terms confounded with it
-    2. terms that improve held-out predictions but are no causes
-    3. terms that are not identifiable
+    2. the terms that improve held-out predictions but are not causes
+    3. the terms that are not identifiable
     """
     for r in causes:
         if r.tied_with:
@@ -195,7 +198,10 @@ def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[st
 
 @dataclass(frozen=True, eq=False)
 class MeanTrimFit(PhysicalFit):
-    """A fit whose trim torque T_g includes the mean of the torques that differ by recording."""
+    """A fit whose trim torque T_g includes the mean of the recordings' additional torques.
+
+    Each recording has its own additional torque (`mass.imbalance`).
+    """
 
     fit: MultiStepFit
 
@@ -223,26 +229,37 @@ class MeanTrimFit(PhysicalFit):
 
 
 class NullDistance(NamedTuple):
-    """Distance of a term's first parameter θ from its value θ_0 without the effect."""
+    """Distance of a term's first parameter θ from θ_0, its value without the effect."""
 
     u: float
-    """(θ − θ_0)/σ; ∞ on a logarithmic scale, which has no θ_0"""
+    """(θ − θ_0)/σ; ∞ if θ is on a logarithmic scale, where no value is without effect"""
     estimate: tuple[float, float] | None
-    """Scaled value of θ and its σ; None if θ varies by recording"""
+    """Scaled value of θ and its σ; None if each recording has its own value of θ"""
     mostly_prior: bool = False
+    """True if the prior determines θ more than the recordings do"""
 
 
-def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
-    """Return (sizes are equal, sizes are significant) of a term's estimates from two data halves.
+def estimates_agree(a: NullDistance, b: NullDistance) -> bool:
+    """Return whether two estimates of a parameter differ by at most `SIGMAS_997` σ.
 
-    The head of this file defines both. Sizes that vary by recording count as equal.
+    σ is the standard deviation of the difference. Parameters with a separate value for each
+    recording are not compared: the result is True.
     """
-    one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
-    significant = one_sign and not (a.mostly_prior or b.mostly_prior)
-    significant = significant and min(abs(a.u), abs(b.u)) >= NORMAL.inv_cdf(LEVEL)
     if a.estimate is None or b.estimate is None:
-        return True, significant
-    return are_of_equal_size(a.estimate, b.estimate), significant
+        return True
+    return are_of_equal_size(a.estimate, b.estimate)
+
+
+def both_significant(a: NullDistance, b: NullDistance) -> bool:
+    """Return whether two estimates of a parameter are both significant, with the same sign.
+
+    An estimate is significant if it differs from the parameter's null value (no effect) at the
+    one-sided level `LEVEL`. The result is False if the prior determines an estimate more than the
+    data do.
+    """
+    if a.mostly_prior or b.mostly_prior or math.copysign(1.0, a.u) != math.copysign(1.0, b.u):
+        return False
+    return min(abs(a.u), abs(b.u)) >= NORMAL.inv_cdf(LEVEL)
 
 
 def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
@@ -266,7 +283,7 @@ def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
 
 
 def equivalent_deviation(chi2: float, freedom: int) -> float:
-    """Return the standard normal deviate whose two-sided p-value is that of ``chi2``.
+    """Return the standard normal deviate that has the same two-sided p-value as ``chi2``.
 
     ``freedom``: degrees of freedom of the χ² distribution.
     """

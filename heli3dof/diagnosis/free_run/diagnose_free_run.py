@@ -3,15 +3,17 @@
 Such logs have an unknown controller, and sampling jitter or unmodelled fast motion
 (`identification.greybox.noise_check`).
 
-1. The full model (with the effects usual on real rigs) and the base simulation are fitted to
-   predictions of up to 3 s. `free_run.candidates` adds further effects that the recordings show.
-2. `free_run.elimination` tests which terms held-out blocks need; `free_run.cause_selection` selects
-   causes.
-3. `free_run.free_run_gain` compares the base simulation with the full model on held-out recordings,
-   or on blocks left out. In the same way it compares the full model with and without each cause.
+1. Two models are fitted to predictions of up to 3 s. The base simulation is the equations of motion
+   without any effect. The full model also has the effects usual on real rigs (its terms).
+   `free_run.candidates` adds further effects that reduce the cost of the fit significantly.
+2. `free_run.elimination` tests each term on held-out blocks: do the predictions get worse without
+   it? `free_run.cause_selection` then selects the causes among the terms.
+3. `free_run.free_run_gain` compares the predictions of the base simulation and of the full model on
+   held-out recordings. Without such recordings, it uses cross-validation. In the same way it
+   compares the full model with and without each cause.
 4. The full model is adopted if it predicts better. Otherwise the result is the base simulation.
-5. `free_run.unexplained` reports what the fitted model does not explain. It also uses recordings
-   that lack an angle, which are not fitted.
+5. `free_run.unexplained` reports what the adopted model does not explain. It also uses recordings
+   in which an angle is missing, which cannot be fitted.
 """
 
 from __future__ import annotations
@@ -97,10 +99,12 @@ def can_be_fitted(recordings: Sequence[Recording]) -> bool:
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
-    """Return why the likelihood of the recordings is unusable; empty if it may be used.
+    """Return the reason why the recordings' likelihood cannot be used; empty text if it can.
 
-    The likelihood may always be used if a recording's controller is known, or if every recording
-    lacks an angle.
+    In two cases nothing is tested and the result is empty:
+
+    - The controller of at least one recording is known.
+    - Every recording lacks an angle: the alternative, a multi-step fit, requires all three.
     """
     whole = _all_angles(recordings)
     if not whole or any(r.profile.controller is not None for r in whole):
@@ -119,12 +123,13 @@ def diagnose_without_likelihood(
     seed: int,
     progress: Progress,
 ) -> Diagnosis:
-    """Return the diagnosis of recordings that passed the integrity checks, with their ``faults``.
+    """Return the diagnosis of recordings in which the integrity checks found no bad data.
 
-    ``why`` is the result of `no_likelihood`; the other arguments are as in `diagnose.diagnose`.
-    With the base "hover", the rigid body is a candidate (`geometry`). ``quick`` omits
-    cross-validation: the estimates alone select causes, which are marked as unconfirmed. Then the
-    gain is measured on the training data if there are no held-out data.
+    ``faults``: minor faults that these checks found. ``why``: reason why there is no likelihood.
+    The other arguments are as in `diagnose.diagnose`. With the base "hover", the full rigid-body
+    equations (`geometry`) may be found as a cause. ``quick`` omits cross-validation. The estimates
+    alone then select the causes, which are marked as unconfirmed. Without held-out data, ``quick``
+    measures the gain on the training data.
     """
     whole, partial = _all_angles(train), [r for r in (*train, *held) if len(r.axes) < len(AXES)]
     flights = [r for r, _ in flights_to_fit(whole)]
@@ -207,10 +212,10 @@ def _without_each(
     result: Elimination, causes: Sequence[TermResult], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
-    """Return {cause: (prediction errors of the model without it, of the model with it)}.
+    """Return {cause: (prediction errors without it, prediction errors with it)} of the model.
 
-    The models predict the recordings ``held``. If there are none, they predict blocks left out of
-    the fit or, if no blocks were left out, the fitted recordings ``whole``.
+    The models predict the recordings ``held``. If there are none, they predict the test blocks of
+    the cross-validation. Without cross-validation, they predict the fitted recordings ``whole``.
     """
 
     if held or not result.halves:
@@ -238,7 +243,7 @@ def _predicted(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) 
 
 
 def _on_blocks(fits: Sequence[Fit], whole: Sequence[Recording]) -> FreeRun:
-    """Return the errors on the blocks left out; ``fits``: one for each fold."""
+    """Return the prediction errors on each fold's test blocks; ``fits``: one for each fold."""
     return cross_validated([model_of(f, whole, "") for f in fits], whole)
 
 

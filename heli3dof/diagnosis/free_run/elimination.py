@@ -4,29 +4,32 @@ The fit of the model with all terms minimises its free-run prediction errors
 (`heli3dof.identification.greybox.multistep`). Then each term is left out once, and the others are
 refitted. e[k, j, i] (rad) is the error of prediction k at horizon j on axis i. s is the RMS of e in
 the model with all terms, for each horizon and axis. ρ is the robust loss. Held-out flights are
-divided into cells of `WINDOW_S`. Over the predictions k that start in cell c, the mean loss
-increases by
+divided into time intervals of `WINDOW_S`, the cells. The mean loss of the predictions k that start
+in cell c increases by
 
     d_c = mean_{k∈c} Σ_i mean_j [ρ(e_without/s) − ρ(e_with/s)],       Δ = mean_c d_c
 
-Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
+Prediction windows overlap, so the bootstrap resamples whole cells (block bootstrap).
 
 1. The terms are tested, the least significant first. A term stays if one of these applies; the
-   first term that does not stay is removed:
+   first term to which none applies is removed:
 
-   - Need: the `constants.LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
-   - Prior knowledge: the prior mean is more than `SIGMAS_997` prior deviations from the null value.
-   - Training cost: the cost Q of the multi-step fit on the training blocks increases by
-     `SIGMAS_997`² or more without the term. Without such a term the model is wrong, and the tests
-     of the other terms are invalid.
-2. The model is refitted. Retained terms correlated with the removed one are tested again.
+   - Need: the bootstrap interval of Δ on held-out blocks (confidence `constants.LEVEL`) lies above
+     zero.
+   - Prior knowledge: the prior mean is more than `SIGMAS_997` prior standard deviations from the
+     null value, at which the term has no effect.
+   - Training cost: without the term, the cost Q of the multi-step fit on the training blocks
+     increases by `SIGMAS_997`² or more. The model without such a term is wrong. Tests of the other
+     terms in this model would be invalid.
+2. The model is refitted without the removed term. Terms correlated with it are tested again.
 3. `free_run.cause_selection` selects the causes among the terms that stay by need or prior
    knowledge. An effect of the catalogue is confounded with a cause (`tied_with`) if the effect can
    replace the cause without a significant increase of the loss. `free_run.candidates` lists the
    effects to try.
 
-Terms that vary by recording are tested by leaving out whole recordings, if there are several. The
-filter (`heli3dof.model.estimation.ekf_jitter`) estimates their values in a left-out recording.
+Some terms have a separate value for each recording. If there are several recordings, such a term is
+tested on whole recordings, each held out once. The filter (`heli3dof.model.estimation.ekf_jitter`)
+estimates the term's value in the held-out recording.
 
 A term that does not improve held-out predictions need not be zero. So the elimination selects
 causes only; the extended model keeps all terms, with their priors.
@@ -99,7 +102,10 @@ class TermResult:
 
     @property
     def training_cost(self) -> float:
-        """Return the increase of the cost Q on the training blocks; 0 if there are no ``fits``."""
+        """Return by how much the cost Q on the training blocks is larger without the term.
+
+        The result is a sum over the folds; 0 if there are no ``fits``.
+        """
         return sum(less.cost - fit.cost for less, fit in self.fits)
 
 
@@ -115,19 +121,22 @@ class Elimination:
     """The removed terms in order, then those that only the cost on training blocks retained"""
     first: FitWithFolds
     last: FitWithFolds
-    """Fits with every term and after the last removal; they have no folds without cross-validation.
-    All refits share the error scales s at which ``first`` converged."""
+    """Fits with every term (``first``) and after the last removal (``last``). Without
+    cross-validation they have no folds. All refits share the error scales s of ``first``."""
 
     @property
     def halves(self) -> Sequence[MultiStepFit]:
-        """Return fits with every term, each to the training blocks of one fold."""
+        """Return one fit per fold: the model with all terms, fitted to the fold's training blocks.
+
+        There are two folds, so the training blocks of each are half of the data.
+        """
         return self.first.folds
 
 
 def eliminate(
     full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
 ) -> Elimination:
-    """Return which terms of the fit ``full`` stay in a backward elimination (see the module)."""
+    """Return which terms of the fit ``full`` remain after backward elimination (see the module)."""
     at_common_scale = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
     progress("Fitting each half of the blocks …")
     first = current = FitWithFolds(at_common_scale, folds_of(at_common_scale))
@@ -174,13 +183,14 @@ def without_elimination(full: MultiStepFit) -> Elimination:
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
-    """Return a list of (term, Σ (θ − θ_0)²/σ² over its parameters), by ascending sum.
+    """Return (term, Σ (θ − θ_0)²/σ²) for each term, the smallest sum first.
 
-    θ_0 is the value without the effect, on a logarithmic scale the lower bound.
+    The sum is over the term's parameters θ ± σ. θ_0 is the value at which the term has no effect.
+    For a parameter on a logarithmic scale, θ_0 is the parameter's lower bound.
     """
     p = full.problem
     u2 = (full.z - without_effects(p)) ** 2 / np.diag(full.scaled_covariance)
-    u2[p.own] = 0.0  # of parameters that vary by recording, only the recordings' values count
+    u2[p.own] = 0.0  # if a parameter has a value for each recording, only these values count
     term = np.array([full.structure.free[j].term or "" for j in parameter_of_unknown(p)])
     sums = {t.name: float(u2[term == t.name].sum()) for t in full.structure.terms}
     return sorted(sums.items(), key=lambda kv: kv[1])
@@ -246,7 +256,7 @@ def without_term(
     """Return the result of leaving out term ``name``, or of replacing it by term ``instead``.
 
     The result contains the increase of the held-out loss. Each fold is held out once. If the term
-    varies by recording and there are several recordings, each recording is held out instead.
+    has a separate value for each of several recordings, each recording is held out once instead.
     """
     p, scale = current.fit.problem, current.fit.scale
     by_recording = any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1
@@ -262,29 +272,30 @@ def without_term(
     return TermResult(name, increase, () if by_recording else tuple(zip(less, fits, strict=True)))
 
 
-def fold_losses(full: MultiStepFit, p: MultiStep, fold: int, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss in each cell (`cell_losses`) of a fold, which the fit left out.
+def fold_losses(fit: MultiStepFit, p: MultiStep, fold: int, scale: np.ndarray) -> np.ndarray:
+    """Return the mean loss of a fit in each cell (time interval of `WINDOW_S`) of a held-out fold.
 
-    ``p`` contains the windows of all folds.
+    ``fit`` did not use the windows of this fold; ``p`` contains the windows of all folds. ``scale``
+    as in `cell_losses`.
     """
     test = with_windows(p, [split_windows(f, fold)[1] for f in p.flights]).flights
-    each = replace(full.problem, flights=test).errors(full.z, full.noise, STAGE_S)
+    each = replace(fit.problem, flights=test).errors(fit.z, fit.noise, STAGE_S)
     return np.concatenate([cell_losses(f, e, scale) for f, e in zip(test, each, strict=True)])
 
 
-def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss in each cell (`cell_losses`) of recording i, which the fit left out.
+def recording_losses(fit: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
+    """Return the mean loss of a fit in each cell (time interval of `WINDOW_S`) of recording i.
 
-    ``p`` contains all recordings, the fit ``full`` all except i.
+    ``fit`` did not use recording i; ``p`` contains all recordings. ``scale`` as in `cell_losses`.
     """
-    q, flight = full.problem, p.flights[i]
+    q, flight = fit.problem, p.flights[i]
     rows = p.data[i].recorded_rows
     data = split_at_climb_end(p.data[i], int(np.argmax(rows == flight.starts[0])))
-    states = filter_jittered(q.structure, full.values, data, full.noise, q.varying).states
+    states = filter_jittered(q.structure, fit.values, data, fit.noise, q.varying).states
     X = np.full((len(flight.t), states.shape[1]), np.nan)
     X[rows[rows >= 0]] = states[rows >= 0]
     ahead = np.array([max(1, round(h / flight.dt)) for h in STAGE_S])
-    e = errors(q.structure, full.values, flight, X, ahead, tuple(q.varying))
+    e = errors(q.structure, fit.values, flight, X, ahead, tuple(q.varying))
     e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
     e[..., ~flight.free] = 0.0
     return cell_losses(flight, e, scale)
@@ -293,8 +304,8 @@ def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray
 def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Return the mean robust loss (m,) of the predictions that start in each cell of a flight.
 
-    A cell is `WINDOW_S` seconds long. ``e`` (S, M, 3): errors in rad of S predictions at M
-    horizons. ``scale``: RMS errors s by horizon and axis, by which ``e`` is divided.
+    The m cells are time intervals of `WINDOW_S`. ``e`` (S, M, 3): errors in rad of S predictions at
+    M horizons. ``scale`` (M, 3): RMS errors in rad, by which ``e`` is divided.
     """
     loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
     cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)
@@ -302,9 +313,10 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def split_at_climb_end(data: Data, row: int) -> Data:
-    """Return the data, with the block that contains ``row`` divided there.
+    """Return the data; the block (interval of usable rows) that contains ``row`` is split there.
 
-    The filter starts again in the second block, so the climb in the first one biases no estimate.
+    ``row`` is the end of the climb after take-off. The filter restarts there, so that the climb
+    does not bias its estimates.
     """
     blocks = []
     for lead, start, stop in data.blocks.tolist():
@@ -314,7 +326,11 @@ def split_at_climb_end(data: Data, row: int) -> Data:
 
 
 def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:
-    """Return the mean of the loss increases (m,) in m cells, with its bootstrap interval."""
+    """Return the mean of ``increase`` with its bootstrap interval.
+
+    ``increase`` (m,): increase of the held-out loss in each of m cells (time intervals of
+    `WINDOW_S`).
+    """
     rng = np.random.default_rng([seed, 7])
     means = increase[rng.integers(0, len(increase), (DRAWS, len(increase)))].mean(axis=1)
     positive = float((means > 0).mean())

@@ -1,13 +1,14 @@
 """Compare models by free-run predictions, for logs without a valid likelihood.
 
-e_k,i(h) is the error (rad) of prediction k on axis i after h seconds. The predictions are on
-held-out recordings, or on each fold's test blocks by the model fitted to the other folds.
+e_k,i(h) is the error (rad) of prediction k on axis i after h seconds. The models predict held-out
+recordings. If there are none, the model of each fold, fitted to the other folds, predicts the test
+blocks of the fold (cross-validation).
 
-    RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
+    RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: RMSE_i = √(1/3 ∫₀³ RMSE_i(h)² dh)
 
-A model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)², with both RMSE over 3 s, is below
-the number of axes. A block bootstrap gives the sum's interval. Its blocks are
-`multistep.WINDOW_S` long, because the predictions overlap.
+A model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)² is below the number of axes; both
+RMSE are over 3 s. `free_run_gain` computes the decrease of RMSE_i(1 s) and its bootstrap interval.
+The bootstrap resamples time intervals of `multistep.WINDOW_S`, because predictions overlap.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ HORIZON_STEP_S = 0.25
 
 @dataclass(frozen=True, eq=False)
 class FreeRun:
-    """A model's free-run prediction errors on recordings, in cells of time for the bootstrap."""
+    """A model's free-run prediction errors, each with the number of its bootstrap block (cell)."""
 
     e: np.ndarray
     """(S, M, 3) rad: errors of S predictions at M horizons, up to `WINDOW_S`"""
     cell: np.ndarray
-    """(S,) number of each prediction's cell"""
+    """(S,) number of the cell in which each prediction starts; a cell is `WINDOW_S` long"""
 
     @classmethod
     def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> FreeRun:
@@ -107,7 +108,7 @@ def free_run_errors(
 def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     """Return the decrease of the 1 s prediction RMSE from ``before`` to ``after``, with intervals.
 
-    ``on``: description of the predicted data; ``seed``: that of the bootstrap.
+    ``on``: description of the predicted data; ``seed``: random seed of the bootstrap.
     """
     names, cell = np.unique(before.cell, return_inverse=True)
     none = np.zeros(0)

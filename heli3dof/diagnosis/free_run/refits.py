@@ -1,8 +1,9 @@
 """Refit a multi-step fit without a term, with another term, or to some windows or recordings.
 
-Each refit starts at the given fit, with its scaled parameters z and its tangents D = ∂r/∂z, where r
-are the weighted residuals. `identification.greybox.levenberg_marquardt.follow_on` then updates D
-(Broyden). All refits keep the given fit's error scales s, so that their costs Q are comparable.
+A refit starts from the given fit: from its scaled parameters z, and from the derivatives D = ∂r/∂z
+of its weighted residuals r. `identification.greybox.levenberg_marquardt.follow_on` then updates D
+by Broyden's method. All refits keep the error scales s of the given fit, so that their costs Q are
+comparable.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ FOLD_BLOCK_S = 2 * WINDOW_S
 """s: prediction horizons, and length of a fold's blocks. Chosen."""
 FOLDS = 2
 RECOMPUTATIONS = 1
-"""Number of times that a refit may recompute its tangents. An error of 0.1 in Q is acceptable."""
+"""Number of times that a refit may recompute D. An error of 0.1 in Q is acceptable."""
 DIVERGED = 3.0
 """Least cost, relative to that before, of a refit that may have diverged. Chosen."""
 
@@ -53,7 +54,7 @@ class FitWithFolds:
         recording = np.repeat(np.arange(len(p.flights)), [len(f.starts) for f in p.flights])
 
         def one(i: int) -> MultiStepFit:
-            others, at = part_of(p, [j for j in range(len(p.flights)) if j != i])
+            others, at = with_recordings(p, [j for j in range(len(p.flights)) if j != i])
             return warm_fit(full, others, full.z[at], window_tangents(full, recording != i)[at])
 
         return parallel_map(one, len(p.flights))
@@ -114,9 +115,10 @@ def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
 
 
 def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start of the fit ``new``: scaled parameters z, derivatives D of residuals by z.
+    """Return where the fit of ``new`` starts: scaled parameters z, and D = ∂r/∂z of residuals r.
 
-    A parameter that the fit ``full`` lacks has its prior mean in z and NaN in D.
+    Both are copied from the fit ``full``. A parameter that ``full`` lacks has its prior mean in z
+    and NaN in D.
     """
     old, z = full.problem, new.start.copy()
     D = np.full((new.dim, full.tangents.shape[1]), np.nan)
@@ -129,19 +131,27 @@ def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.nda
 
 
 def parameter_of_unknown(p: MultiStep) -> np.ndarray:
-    """Return for each scaled parameter in z (dim,) the index of its parameter (0 … n − 1)."""
+    """Return for each element of z (dim,) the index (0 … n − 1) of the parameter it belongs to.
+
+    z contains the n scaled parameters. For each recording, it then contains this recording's own
+    values of the parameters that vary between recordings.
+    """
     return np.concatenate([np.arange(p.n), np.tile(p.own, len(p.flights))])
 
 
 def unknowns_of(p: MultiStep, j: int) -> np.ndarray:
-    """Return the indices in z of parameter j: of the common value, then of each recording's own."""
+    """Return where z contains parameter j: its common value, then each recording's own value.
+
+    The result is an array of indices. Only a parameter that varies between recordings has own
+    values.
+    """
     return np.flatnonzero(parameter_of_unknown(p) == j)
 
 
 def without_effects(p: MultiStep) -> np.ndarray:
     """Return the scaled parameters z (dim,) of a model whose terms have no effect.
 
-    On a logarithmic scale, which has no such value, it is the lower bound.
+    A parameter on a logarithmic scale has no value without effect. Its lower bound is used instead.
     """
     null = np.array([f.scaled(f.low if f.log else f.null) for f in p.structure.free])
     return np.asarray(null[parameter_of_unknown(p)])
@@ -156,7 +166,7 @@ def folds_of(full: MultiStepFit) -> list[MultiStepFit]:
         train = with_windows(p, kept)
         fit = warm_fit(full, train, full.z, window_tangents(full, np.concatenate(kept)))
         v = least_squares(full, train)
-        # Many refits and the standard deviations use these tangents, so they are recomputed.
+        # Many refits and the standard deviations use these derivatives, so they are recomputed.
         D = v.tangents(fit.z, v.residuals(fit.z))
         return warm_fit(full, train, fit.z, D)
 
@@ -164,24 +174,28 @@ def folds_of(full: MultiStepFit) -> list[MultiStepFit]:
 
 
 def with_windows(p: MultiStep, kept: Sequence[np.ndarray]) -> MultiStep:
-    """Return the problem of the prediction windows ``kept``, (S,) bool for each flight."""
+    """Return the fit problem ``p`` restricted to some of its prediction windows.
+
+    ``kept``: for each flight an array (S,) of bool, True for each of the S windows to keep.
+    """
     each = zip(p.flights, kept, strict=True)
     return replace(p, flights=tuple(replace(f, starts=f.starts[k]) for f, k in each))
 
 
 def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
-    """Return the derivatives ∂r/∂z (dim, R) of the R residuals r in some prediction windows.
+    """Return the derivatives ∂r/∂z (dim, R) of the residuals r (R,) in some prediction windows.
 
-    z are the fit's scaled parameters. ``kept`` (S,), bool: the windows to keep.
+    z (dim,) are the fit's scaled parameters. ``kept`` (S,) bool: True for the windows to use.
     """
     each = full.tangents.reshape(len(full.z), len(kept), -1)
     return np.asarray(each[:, kept].reshape(len(full.z), -1))
 
 
 def split_windows(flight: Flight, fold: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return which of the S windows are outside the fold's blocks (training), which inside (test).
+    """Return (training windows, test windows) of a fold, each (S,) bool for the S windows.
 
-    Both results are (S,) bool. A window that crosses the edge of a block is in neither.
+    Test windows lie inside a block of the fold, training windows inside another block. A window
+    that crosses the edge of a block is in neither set.
     """
     start = flight.t[flight.starts]
     stop = start + WINDOW_S
@@ -191,8 +205,12 @@ def split_windows(flight: Flight, fold: int) -> tuple[np.ndarray, np.ndarray]:
     return whole & ~inside, whole & inside
 
 
-def part_of(p: MultiStep, which: Sequence[int]) -> tuple[MultiStep, np.ndarray]:
-    """Return the problem of the recordings ``which`` alone, and its unknowns' indices in z."""
+def with_recordings(p: MultiStep, which: Sequence[int]) -> tuple[MultiStep, np.ndarray]:
+    """Return the fit problem ``p`` restricted to the recordings with the indices ``which``.
+
+    The second result is an array of indices: which elements of the scaled parameters z of ``p`` the
+    restricted problem has.
+    """
     part = replace(
         p,
         flights=tuple(p.flights[i] for i in which),

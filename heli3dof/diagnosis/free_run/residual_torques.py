@@ -1,17 +1,18 @@
 """Find a residual torque that depends on a variable, from a multi-step fit's errors in weak form.
 
 The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
-accelerations over spans of `SPANS_S[0]`. Multiplied by the inertia J, they are torques τ, one per
-span and axis. τ̂ is a sum of `CURVE_KNOTS` hat functions of a variable's mean over the span. Ridge
-regression fits τ̂ to every other block of `WINDOW_S`; the others test it. Then the blocks change
-roles.
+accelerations over time spans of `SPANS_S[0]`. Multiplied by the axis' inertia J, they are residual
+torques τ, one for each span and axis. For each variable, a piecewise linear curve τ̂ with
+`CURVE_KNOTS` knots predicts τ from the variable's mean over the span. Ridge regression fits the
+curve to every other block of `WINDOW_S`; the remaining blocks test it. Then the two sets of blocks
+change roles.
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − τ̄)²      over the test spans; τ̄: mean of the training spans
 
-The result of an axis is the variable with the largest share. This must be at least `LEAST`, and its
-bootstrap interval over blocks must lie above zero. ``also`` lists the variables with more than
-`NEARLY` times this share. Coloured residuals and the choice of the best variable raise the
-false-alarm rate above 5 %: the result is a hint, not a cause.
+The result for an axis is the variable with the largest share of explained variance. This share must
+be at least `LEAST`, and its bootstrap interval over blocks must lie above zero. ``also`` lists the
+variables with more than `NEARLY` times this share. Coloured residuals and the choice of the best
+variable raise the false-alarm rate above 5 %: the result is a hint, not a cause.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ VARIABLES = (*AXES, *(f"{a}_rate" for a in AXES), "voltage_sum", "voltage_differ
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
-    """Return at most one residual torque per axis, by falling share of the variance it explains.
+    """Return at most one residual torque per axis, the largest share of explained variance first.
 
-    The share is that of the variance on spans of flight to which the torque was not fitted.
-    ``score`` is the share times the number of spans, ``confidence`` the fraction of bootstrap
-    samples with a positive share.
+    The share is computed on test spans, to which the torque's curve was not fitted. ``score`` is
+    the share times the number of spans. ``confidence`` is the fraction of bootstrap samples with a
+    positive share.
     """
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
@@ -67,10 +68,10 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 
 
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return (row numbers, times, {variable: means}) of spans that do not overlap.
+    """Return (row numbers, times in s, {variable: means}) of time spans that do not overlap.
 
-    The row numbers refer to the result of `residuals`. Times are in s; 10⁴ s are added for each
-    earlier recording.
+    The row numbers are those of the spans in the result of `residuals`. The means are over each
+    span. The times of recording n are increased by n · 10⁴ s, to separate the recordings.
     """
     rows, t, means, at = [], [], [], 0
     for n, log in enumerate(logs):
@@ -109,10 +110,11 @@ def _solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _cross_validated_share(
     y: np.ndarray, z: np.ndarray, t: np.ndarray
 ) -> tuple[float, float, float]:
-    """Return (share of y's variance that z explains, lower end of its interval, confidence).
+    """Return the share of the torque's variance that a variable explains on test spans.
 
-    The share is on test spans; the confidence is the fraction of bootstrap samples in which it is
-    positive. ``y``, ``z``, ``t`` (n,): torque in N·m, variable and time in s of each span.
+    The result is (share, lower end of its bootstrap interval, confidence). The confidence is the
+    fraction of bootstrap samples with a positive share. For each of n time spans, ``y`` (n,) is the
+    torque in N·m, ``z`` (n,) the variable and ``t`` (n,) the time in s.
     """
     block = np.floor(t / WINDOW_S).astype(int)
     knots = _knots(z)
@@ -134,7 +136,10 @@ def _cross_validated_share(
 
 
 def _curve(y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (knots, torque at the knots, its standard deviation) of torques y (n,) at z (n,)."""
+    """Fit a piecewise linear curve to torques y (n,) in N·m against a variable's values z (n,).
+
+    The result is (knots, torque at each knot, its standard deviation).
+    """
     knots = _knots(z)
     A = _hats(z, knots)
     c, C = _solve(A, y - y.mean())

@@ -1,35 +1,38 @@
-"""Report what the fitted model explains of a rig's properties, and what not: take-off and creep.
+"""Report which properties of a rig the fitted model explains, and which it does not.
 
-**Take-off.** The fit omits the take-off, in which the rotors' initial speed is unknown: it depends
-on earlier voltages. From `SPUN_UP_S` after lift-off on, this speed no longer matters. The measured
-mean pitch acceleration p̈ (rad/s²) from then to the end of the climb is compared with the model's at
-the measured angles and rates. Both are computed in weak form. The take-off is reported if the two
-means differ by at least `SIGMAS_95` standard deviations of the model's mean (from the parameters'
-covariance). The report also compares the measured climb in roll with two simulations: rotors
-initially at rest, and at steady speed.
+**Equilibrium.** In steady flight at the roll angle r, with level pitch, both motors at voltage V
+give the thrust F (N, `motor.rotor_curve`). Its torque balances the torque Γ(r) of the arm:
 
-**Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
-is compared with the model's equilibrium, with the symbols below:
+    F(V) = 2 K_f V_o (V/V_o)^n
+    L_a F(V) = Γ(r) = (T_g + τ) cos r + k_r sin r
 
-    L_a F(V) = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
+K_f (N/V) is the thrust gain, V_o (V) the operating voltage, n the exponent of the thrust curve and
+L_a (m) the arm's length. T_g (N·m) is the trim torque (gravity torque of the level arm), τ (N·m)
+the torque of `mass.imbalance`, and k_r (N·m) the pendulum torque. The hover voltage V_hover at a
+roll angle is the equilibrium of the model with all its effects (`linearisation.hover_voltage`).
 
-Creep is equivalent to thrust that grows by this factor, or to the voltage increase that causes this
-growth on the thrust curve. `compare_runs` tests whether one growth of thrust, or one voltage
-increase, explains several runs.
+**Take-off, not explained.** The fit omits the take-off, because the rotors' initial speed is
+unknown: it depends on earlier voltages. From `SPUN_UP_S` after lift-off on, this speed no longer
+matters. From then to the end of the climb, the module computes two mean pitch accelerations
+(rad/s²) in weak form: the measured one, and the one of the model at the measured angles and rates.
+The take-off is reported if they differ by at least `SIGMAS_95` standard deviations. The parameters'
+covariance gives this standard deviation. The report also compares the measured climb in roll with
+two simulations: one starts with rotors at rest, the other with rotors at steady speed.
 
-**Known properties.** `explanation_sentences` states, with measured numbers, which properties of the
-rig the model explains. In steady level flight, both motors at voltage V give the thrust F (N,
-`motor.rotor_curve`):
+**Creep, not explained.** Creep is a slow change of roll while both motors have the same constant
+voltage. The mean roll near the start of the recording (`EARLY_S`) is compared with the mean roll in
+its last `LATE_S` seconds, and with the model's equilibrium. The thrust that creep implies grows by
+the factor
 
-    F = 2 K_f V_o (V/V_o)^n
-    L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r
-    F(V)/F(V_hover) = (V/V_hover)^n                          of each motor, and of both together
+    F_late/F_early = Γ(r_late)/Γ(r_early)
 
-T_g, τ and k_r (N·m) are the trim torque (gravity torque of the level arm), `mass.imbalance` and
-pendulum torque. L_a (m) is the arm's
-length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. The hover voltage at each roll
-angle is the equilibrium of the model with all its effects (`linearisation.hover_voltage`). Rows are
-in steady flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
+The equivalent voltage increase causes the same growth of thrust on the thrust curve. `compare_runs`
+tests whether the same growth of thrust, or the same voltage increase, explains several recordings.
+
+**Explained properties.** `explanation_sentences` states three properties with measured numbers: the
+mean pitch angle in steady flight, the change of the hover voltage with roll, and the dead zone of
+one motor. Relative to hover, the thrust of a motor is F(V)/F(V_hover) = (V/V_hover)^n. Rows are in
+steady flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
 """
 
 from __future__ import annotations
@@ -42,7 +45,7 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.doubtful_findings import constant_voltage
 from heli3dof.diagnosis.constants import SIGMAS_95
-from heli3dof.diagnosis.free_run.refits import part_of
+from heli3dof.diagnosis.free_run.refits import with_recordings
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
@@ -76,16 +79,18 @@ LEAST_CREEP_DEG = 1.0
 LEAST_ERROR_DEG = 2.0
 """°: least height above the table; least creep or model error that is reported. Chosen."""
 LARGEST_RATIO = 2.0
-"""Largest ratio of two growths or slopes that count as equal. Chosen."""
+"""Largest ratio of two growths of thrust, or of two slopes, that count as equal. Chosen."""
 
 
 def unexplained_effects(
     fit: MultiStepFit, flights: Sequence[Recording], runs: Sequence[Recording] = ()
 ) -> list[dict[str, Any]]:
-    """Return a list of JSON objects: take-offs and creep that the fitted model does not explain.
+    """Return a list of JSON objects: motions that the fitted model does not explain.
 
-    Each object has a ``sentence``. ``flights``: the fitted recordings, examined for take-offs.
-    ``runs``: recordings examined for creep; they lack an angle, so they are not fitted.
+    Such a motion is a take-off, or creep (a slow change of roll at constant voltage). Each object
+    has a ``sentence``. ``flights``: the fitted recordings, examined for take-offs. ``runs``:
+    recordings examined for creep. They are not fitted, because one of their three angles was not
+    recorded.
     """
     measured = [c for r in runs if (c := measure_creep(fit, r)) is not None]
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
@@ -132,11 +137,12 @@ def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[s
 
 
 def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
-    """Return the mean pitch acceleration (rad/s²): measured, modelled, std of the modelled one.
+    """Return the mean pitch acceleration in a take-off, in rad/s²: (measured, of the model, σ).
 
-    The mean is from `SPUN_UP_S` after row k until row k + n of recording i.
+    σ is the standard deviation of the model's value. The mean is over the rows of recording i from
+    `SPUN_UP_S` after row k to row k + n.
     """
-    alone, at = part_of(fit.problem, [i])
+    alone, at = with_recordings(fit.problem, [i])
     (flight,) = alone.flights
     first = k + round(SPUN_UP_S / flight.dt)
     climb = replace(flight, starts=np.array([first]))
@@ -166,7 +172,10 @@ def _state_at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> n
 
 @dataclass(frozen=True)
 class CreepRun:
-    """Roll at a constant voltage: measured early and late in the run, and in the model."""
+    """Mean roll at constant voltage near a recording's start and end, and the model's equilibrium.
+
+    The means are over the time interval `EARLY_S` and over the last `LATE_S` seconds.
+    """
 
     recording: str
     voltage_V: float
@@ -184,9 +193,10 @@ class CreepRun:
 
 
 def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
-    """Return the drift of roll at a constant voltage; None if the recording cannot show it.
+    """Return the creep (slow change of roll at constant voltage) in a recording.
 
-    The voltage must be constant for at least `LEAST_S` and hold the arm off the table.
+    The result is None unless both motors have the same constant voltage for at least `LEAST_S`, and
+    this voltage holds the arm above the table.
     """
     r, on = recording, constant_voltage(recording)
     if on is None:
@@ -207,7 +217,11 @@ def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
 
 
 def creep(c: CreepRun) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object if the arm creeps at constant voltage or is not at the model's roll."""
+    """Yield a JSON object if the model does not explain the roll angle at constant voltage.
+
+    There are two such cases: the roll angle creeps (changes slowly), or it differs from the model's
+    equilibrium by at least `LEAST_ERROR_DEG`.
+    """
     if not c.creeps and abs(c.model_deg - c.early_deg) < LEAST_ERROR_DEG:
         return
     sentence = (
@@ -226,7 +240,11 @@ def creep(c: CreepRun) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object: whether one rise of thrust or of voltage explains all ``runs``."""
+    """Yield a JSON object that states whether the same change explains the creep in all ``runs``.
+
+    Two changes are tested: the same relative growth of thrust, and the same voltage increase.
+    Nothing is yielded unless the recordings have different voltages and roll creeps in one of them.
+    """
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {
@@ -265,7 +283,10 @@ def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
 
 
 def steady_rows(recording: Recording) -> np.ndarray:
-    """Return roll (°), pitch (°) and mean voltage (V), (n, 3), of the rows in steady flight."""
+    """Return (n, 3): roll (°), pitch (°) and mean motor voltage (V) of the n rows in steady flight.
+
+    The head of this file defines steady flight.
+    """
     r = recording
     n = round(STILL_S / r.dt)
     roll = np.degrees(r.angle[:, 0])
@@ -280,7 +301,11 @@ def steady_rows(recording: Recording) -> np.ndarray:
 def explanation_sentences(
     fit: MultiStepFit, recordings: Sequence[Recording], causes: Container[str]
 ) -> list[str]:
-    """Return a sentence for each property that one of the ``causes`` explains."""
+    """Return a sentence for each property of the rig that one of the ``causes`` explains.
+
+    The properties are the mean pitch angle in steady flight, the change of the hover voltage with
+    roll, and the dead zone of one motor.
+    """
     sentences = []
     rows_by_recording = [steady_rows(r) for r in recordings]
     if OFFSET in fit.by_recording and "encoder.offset.pitch" in causes:
@@ -313,11 +338,11 @@ def explanation_sentences(
 def pendulum_sentence(
     at_minus_10: float, at_10: float, model_minus_10: float, model_10: float
 ) -> list[str]:
-    """Return a list of one sentence: that a pendulum explains how hover voltage varies with roll.
+    """Return a list of one sentence: a pendulum explains how the hover voltage varies with roll.
 
-    The arguments are hover voltages (V) at −10° and +10° of roll: ``at_…`` from a line through the
-    recordings, ``model_…`` from the model. If the two pairs change in opposite directions, a
-    pendulum is no explanation, and the list is empty.
+    The arguments are hover voltages (V) at −10° and +10° of roll. ``at_…`` are values of a straight
+    line through the measured voltages, ``model_…`` are the model's. If one pair rises with roll and
+    the other falls, a pendulum is no explanation, and the list is empty.
     """
     measured, model = at_10 - at_minus_10, model_10 - model_minus_10
     if not measured * model > 0:

@@ -1,1 +1,1 @@
-"""Search for causes: score tests against simulated nulls, and full fits that are compared."""
+"""Search for causes: score tests of all candidates, and refits with the best candidates added."""

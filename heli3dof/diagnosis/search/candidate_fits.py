@@ -1,35 +1,39 @@
 """Refit the current model with one candidate added, for each candidate of a step.
 
-The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). Δℓ_c
-is its increase over the current fit, κ the variance inflation of the scores in null simulations
-(`search.nulls`), and N the number of filter updates. A term's score is its gain in BIC:
+A candidate is a term: an effect on one axis. The refit maximises the bias-corrected log-likelihood
+ℓ_c (`bias_correction.corrected_maximum`). Δℓ_c is its increase over the current fit. κ is the
+variance inflation of the scores in null simulations, which contain no further effect
+(`search.nulls`). N is the number of filter updates. The score of a term is its gain in BIC:
 
     score = 2 Δℓ_c/κ − m ln N
 
-m is its number of parameters, or 0 for a part of the rigid body's equations, which is no defect.
+m is the number of the term's parameters. A term that only selects a form of the equations of motion
+(`Effect.of_base`) has m = 0: a narrow prior already limits its parameter.
 
-The fit of a screened term starts at its probe with the largest Z² (`search.screening`). If ℓ_c does
-not exceed that of the current fit, the fit is repeated from a size near zero. The fit of a term
-that the score test cannot detect starts at the best value on its grid.
+The refit with a term starts at the trial values at which the score test has the largest Z²
+(`search.screening`). If ℓ_c does not exceed that of the current fit, the refit is repeated from a
+size near zero. If the score test cannot detect the term, the refit starts at the best value of a
+grid (see below).
 
-A periodic torque may have another phase in each of R recordings. So the recordings are shifted in
-time until the torque has one phase in all (`bias_correction.scans`). The R − 1 shifts count as
-parameters. Nothing is shifted if the current fit already contains the phase of a periodic torque or
-the instant of a mass change.
+A periodic torque may have a different phase in each of R recordings. So time shifts of the
+recordings give the torque the same phase in all of them (`bias_correction.scans`). R − 1 of these
+shifts count as parameters. No recording is shifted if the current fit already contains the phase of
+a periodic torque or the instant of a mass change.
 
-**Grid trials.** The derivative of ℓ by encoder backlash is zero at zero backlash, so the score test
-cannot detect it. Instead, the gain in log-likelihood ℓ is computed at values w of the term's first
-parameter:
+**Grid trials.** ℓ is the log-likelihood. Its derivative by encoder backlash is zero at zero
+backlash, so the score test cannot detect backlash. Instead, the gain Δℓ is computed at values w of
+the term's first parameter:
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
-θ and a are the current fit's parameters and noise intensities. w ascends the term's grid as long as
-Δℓ(w) rises; ŵ is the last value at which it rose. A term is fitted in full if both hold:
+θ and a are the current fit's parameters and noise intensities. w increases along the term's grid as
+long as Δℓ(w) rises; ŵ is the last value before Δℓ falls. The model is refitted with the term if
+both hold:
 
 1. Δℓ(ŵ) > `MIN_TRIAL_GAIN`.
-2. If flights can be simulated: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`. The maximum is over
-   flights simulated from the current fit, whose gains are Δℓ_null. Without this condition, an axis
-   with little motion could have a large Δℓ by chance.
+2. If flights can be simulated: Δℓ(ŵ) > max Δℓ_null(ŵ) + `MIN_TRIAL_GAIN`. Δℓ_null is the gain in a
+   flight simulated from the current fit. The maximum is over all these flights. Without this
+   condition, an axis with little motion could have a large Δℓ by chance.
 """
 
 from __future__ import annotations
@@ -51,11 +55,11 @@ from heli3dof.model.estimation.filter_data import Data, with_shifted_time
 from heli3dof.parallel import parallel_map
 
 SECOND_START = 0.1
-"""Start of a second fit, as a share of the probe's value. Chosen; not derived."""
+"""Start of a second refit, as a share of the trial value. Chosen; not derived."""
 MAX_SCORE_PER_Z2 = 30.0
 """Largest expected score/Z²; over 1 because the base fit may attribute a cause to noise. Chosen."""
 MIN_TRIAL_GAIN = 40.0
-"""Least Δℓ for a full fit. Chosen: Δℓ is over 100 with backlash, below −100 without."""
+"""Least Δℓ for a refit with the term. Chosen: Δℓ is over 100 with backlash, below −100 without."""
 NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
 """Most noise updates at one grid value; they end if ln a changes by less. Chosen; not derived."""
 NEIGHBOURS = 3
@@ -72,9 +76,9 @@ class CandidateFit:
     score: float
     """2 Δℓ_c/κ − m ln N"""
     Z2: float | None
-    """Z² of the term's probe ``probe``; None for a term without a score test"""
+    """Largest Z² of the term's score tests; None for a term without a score test"""
     probe: int | None
-    """Index of the term's probe with the largest Z²; None for a term without a score test"""
+    """Index of the trial values with this Z²; None for a term without a score test"""
 
     @property
     def statistic(self) -> float:
@@ -97,9 +101,9 @@ def trials(
 ) -> list[GridTrial]:
     """Return those of the ``untested`` terms that gain Δℓ > `MIN_TRIAL_GAIN`, at their best values.
 
-    Each term is added to the current fit at ascending values of its first parameter, as long as the
-    gain Δℓ in log-likelihood rises. ``theta`` (n,): parameters of the current fit; ``noise`` (4,):
-    its process noise of three axes, and its sampling jitter.
+    Each term is added to the current fit at increasing values of its first parameter, as long as
+    the gain Δℓ in log-likelihood rises. The current fit has the parameters ``theta`` (n,) and the
+    ``noise`` (4,): process noise of three axes, and sampling jitter.
     """
     base = float(problem.loglik(theta, noise).sum())
 
@@ -124,10 +128,11 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the recordings' Δℓ exceeds that of each null by more than `MIN_TRIAL_GAIN`.
+    """Return True if a term gains much more log-likelihood in the recordings than by chance.
 
-    Δℓ is the gain in log-likelihood by adding the trial's term at its trial value. ``nulls``: data
-    of flights simulated without the term.
+    The gain Δℓ is that of adding the trial's term at its trial value. Δℓ of the recordings must
+    exceed Δℓ of each simulated flight in ``nulls`` by more than `MIN_TRIAL_GAIN`. These flights
+    were simulated without the term.
     """
     ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 
@@ -143,9 +148,10 @@ def exceeds_nulls(
 def with_term_at(
     problem: Likelihood, theta: np.ndarray, term: Term, values: Sequence[float]
 ) -> tuple[Likelihood, np.ndarray]:
-    """Return the likelihood with ``term`` added, and θ (n + m,) with ``values`` of its parameters.
+    """Return the likelihood with ``term`` added, and its scaled parameters θ (n + m,).
 
-    ``theta`` (n,): the parameters of ``problem``. ``values``: of the first parameters of the term.
+    The first n are ``theta`` (n,), the scaled parameters of ``problem``. The other m are the term's
+    parameters, with the ``values`` (m,) in their units.
     """
     ext = problem.with_term(term)
     new = zip(ext.structure.free[len(theta) :], values, strict=False)
@@ -155,11 +161,12 @@ def with_term_at(
 def fit_candidates(
     s: Screening, ranked: Sequence[tuple[Term, float, int]], tried: Sequence[GridTrial] = ()
 ) -> list[CandidateFit]:
-    """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
+    """Refit the model with each ``ranked`` and each ``tried`` term; return the best score first.
 
-    ``ranked``: entries of `Screening.ranked`; ``tried``: terms that the score test cannot detect.
-    Fits that diverge or end at a bound are omitted. A ranked term is fitted only if
-    `MAX_SCORE_PER_Z2` times its Z² exceeds the best score of the tried terms.
+    ``ranked``: entries of `Screening.ranked`. ``tried``: terms that the score test cannot detect,
+    evaluated at trial values instead; they are fitted first. `MAX_SCORE_PER_Z2` · Z² is the largest
+    score to expect of a ranked term. If it does not exceed the best score of the tried terms, the
+    ranked term is not fitted. Fits that diverge or end at a bound are omitted.
     """
     if not ranked and not tried:
         return []
@@ -172,8 +179,8 @@ def fit_candidates(
     def scored(term: Term, fit: Optimum, shifts: int = 0) -> float | None:
         """Return the score of ``fit``, which contains ``term``.
 
-        The score is None if the fit diverged or ended at a bound. ``shifts``: number of fitted time
-        shifts of recordings.
+        The score is None if the fit diverged or ended at a bound. ``shifts``: number of time shifts
+        of recordings that count as parameters.
         """
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
@@ -205,7 +212,7 @@ def fit_candidates(
                 slope[0] = per * new[0].typical
                 theta_0[0] = new[0].scaled(new[0].null)
         score_bias = ScoreBias(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
-        # The likelihood is jagged along a backlash width, so that width is held.
+        # The likelihood has many local maxima along a backlash width, so this width is held fixed.
         jagged = np.array([f.term in backlash for f in ext.structure.free])
         begin = np.append(level.theta, start[len(o.theta) :])
         fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged)
@@ -247,7 +254,8 @@ def correction_starts(optimum: Optimum, current: CorrectedFit | None) -> list[St
     """Return the starts of an optimum's bias correction: the optimum, and one near ``current``.
 
     The second start has the parameters and noise of the fit ``current``. Parameters that
-    ``current`` lacks are those of the optimum. Without ``current`` there is no second start.
+    ``current`` lacks have their values in the optimum. Without ``current``, there is no second
+    start.
     """
     starts = [(optimum.theta, optimum.noise)]
     if current is not None:
@@ -257,20 +265,20 @@ def correction_starts(optimum: Optimum, current: CorrectedFit | None) -> list[St
 
 
 def bic_penalty(m: int, at: FilterRun) -> float:
-    """Return BIC's penalty m ln N of ``m`` parameters; N: updates of the filter run."""
+    """Return BIC's penalty m ln N of ``m`` parameters; N: number of filter updates in ``at``."""
     return m * float(np.log(max(len(at.row), 2)))
 
 
 def start_at_probe(
     ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """Return the start parameters (n + m,) of a fit with a new term of m parameters.
+    """Return the parameters (n + m,) at which a fit with a new term of m parameters starts.
 
     The first n are those of the ``current`` fit. The other m are the trial values at which the
     score test evaluated the term; i is their index in ``result``. If the effect can have either
-    sign, the score test's estimate of its size replaces the first value. ``unbiased`` corrects this
-    estimate for bias. It is (z − z̄)/z, with the score z and its mean z̄ over the null simulations.
-    ``ext``: likelihood with the new term.
+    sign, the score test's estimate of its size replaces the first value. The factor ``unbiased``
+    corrects this estimate for bias. It is (z − z̄)/z, with the score z and its mean z̄ over the null
+    simulations. ``ext``: likelihood with the new term.
     """
     probe = result.probes[i]
     new = ext.structure.free[len(current.free) :]

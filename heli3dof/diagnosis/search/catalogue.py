@@ -1,10 +1,11 @@
-"""List the candidate terms of a base simulation, and the probes and scans of each term.
+"""List the candidate terms of a base simulation, and the parameter values at which to test them.
 
-A *term* is an effect on one of its axes, or an effect without axes. A *probe* is a term with values
-of its parameters, at which the score test (`search.score_test`) evaluates it. One small value is
-enough for an effect that is proportional to its parameter (friction, stiffness, torque). An effect
-whose shape depends on its parameters (lag, limit, dead zone) has several probes. A frequency or an
-instant is scanned instead (`bias_correction.scans`).
+A *term* is an effect on one of its axes, or an effect without axes. A *probe* is a term with trial
+values of its parameters, at which the score test (`search.score_test`) evaluates it. One small
+value is enough for an effect that is proportional to its parameter (friction, stiffness, torque).
+An effect whose shape depends on its parameters (lag, limit, dead zone) has several probes. A
+periodic torque is tested at every frequency instead, a mass change at every instant. This search is
+a *scan* (`bias_correction.scans`).
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ class Probe:
     term: Term
     values: tuple[float, ...]
     time_shifts: tuple[float, ...] = ()
-    """s to add to the time of each recording, so that all have one phase; () for no shift"""
+    """s to add to the time of each recording. With these shifts, a periodic torque has the same
+    phase in all recordings. () for no shift."""
 
     @property
     def name(self) -> str:
@@ -37,7 +39,7 @@ class Probe:
     def size(self) -> float | None:
         """Return the first parameter minus its null value (no effect); None for a voltage limit.
 
-        A limit has no size: its effect does not grow with its parameter.
+        A voltage limit has no size, because its effect does not grow with its parameter.
         """
         effect = self.term.effect
         return None if effect.probe_quantiles else self.values[0] - effect.parameters[0].null
@@ -46,10 +48,11 @@ class Probe:
 def candidates(
     present: Sequence[str] = (), axes: Sequence[str] = AXES, refuted: Sequence[str] = ()
 ) -> list[Term]:
-    """Return the candidate terms on the measured ``axes``, except ``refuted`` ones.
+    """Return the terms on the measured ``axes`` that a diagnosis may add to a fit.
 
-    ``present``: terms of the fit, which are no candidates. An effect that requires another one is a
-    candidate only if that one is present.
+    ``present``: names of the terms that the fit already contains. ``refuted``: names of terms that
+    an earlier search dropped. Both are left out. An effect may require another effect. It is a
+    candidate only if the fit contains that effect.
     """
     out = []
     for effect in effects().values():
@@ -77,7 +80,7 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
     """Return a term's probes: the parameter values at which the score test evaluates it.
 
     A voltage limit is evaluated at quantiles of |V|; ``V`` (N, 2): recorded voltages. The list is
-    empty for a term with a frequency or instant to scan.
+    empty for a torque that is tested at every frequency or start time (`scans`).
     """
     effect, null = term.effect, tuple(p.null for p in term.effect.parameters)
     if effect.scan:

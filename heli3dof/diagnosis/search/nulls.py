@@ -1,30 +1,32 @@
-"""Standardise the scores z of the score test by simulated nulls, and compute the threshold of Z².
+"""Standardise the scores z of the score test by null simulations; compute the threshold of Z².
 
-A *probe* is an effect with trial values of its parameters (`search.catalogue`). A *scan* tests a
-torque at all frequencies or instants, and its z is the largest (`bias_correction.scans`). There are
-P scores z: one for each probe and each scan.
+The score test (`search.score_test`) gives P scores z, one for each probe and each scan. A *probe*
+is an effect with fixed trial values of its parameters (`search.catalogue`). A *scan* tests a torque
+at every frequency or every start time; its z is the largest of these scores
+(`bias_correction.scans`).
 
-*Nulls* are B flights simulated from the fit, with the recordings' references and controller. Their
-scores contain the bias that encoder quantisation and feedback cause. Each score z is standardised:
+*Nulls* (null simulations) are B flights simulated from the fit, so without any further effect. They
+have the recordings' references and controller. Their scores z_null contain the bias that encoder
+quantisation and feedback cause. Each score z is standardised:
 
     Z = (z − mean z_null) / std z_null
     std² = max(s, 1)² + (`DRIFT` · mean z_null)²
 
-- s² is the weighted mean of two variances over the nulls: that of the score itself (weight B − 1)
-  and the median over all scores (weight `COMMON`). An exact likelihood has s = 1.
-- The second summand allows for noise of the rig that is not white, and so changes the mean of z. A
-  scan omits it: the mean of a largest z is positive even without bias.
+- s² is the weighted mean of two numbers: the variance of the score over the nulls (weight B − 1),
+  and the median of all P variances (weight `COMMON`). An exact likelihood has s = 1.
+- The second summand allows for coloured noise of the rig, which changes the mean of z. It is
+  omitted for a scan: the maximum of many scores has a positive mean even without bias.
 
 Without any effect, Z/√(1 + 1/B) has Student's t distribution with ν = B − 1 + `COMMON` degrees of
 freedom. t_ν(p) is the value that this t exceeds with probability p. Bonferroni's threshold is
 
-    Z*² = (1 + 1/B) t_ν(FALSE_ALARMS / 2P)²
+    Z*² = (1 + 1/B) t_ν(FALSE_ALARMS / (2 P))²
 
-The largest of the P values Z² exceeds it in at most a share FALSE_ALARMS of recordings. With at
-least `GUMBEL_FROM` nulls, a Gumbel distribution is fitted to the largest Z² of each null. Its
-quantile for FALSE_ALARMS replaces Bonferroni's threshold if it is higher.
+If the rig has no effect, the largest of the P values Z² exceeds Z*² with a probability of at most
+FALSE_ALARMS. With at least `GUMBEL_FROM` nulls, a Gumbel distribution is fitted to the largest Z²
+of each null. It gives a second threshold with the same probability. The higher threshold is used.
 
-If the controller is unknown or flights simulated from the fit diverge, there are no nulls. Then
+There are no nulls if the controller is unknown, or if flights simulated from the fit diverge. Then
 Z = z/√κ with the fit's variance inflation κ, and the threshold is twice Bonferroni's for a normal
 distribution.
 
@@ -75,13 +77,13 @@ class Nulls:
     std: np.ndarray
     """(P,) each: mean and standard deviation of z over the nulls, by the module's equations"""
     inflation: float
-    """κ ≥ 1: the median over all scores of their variance; an exact likelihood has 1"""
+    """κ ≥ 1, variance inflation: the median of all P values s². An exact likelihood has κ = 1."""
     threshold: float
     """Threshold of the largest Z²"""
     freedom: float
     """ν, Student's degrees of freedom"""
     flights: int
-    """B; 0 by formula"""
+    """B, number of null simulations; 0 if a formula gives the distribution"""
     method: str
 
     def standardised(self, result: ScreenResult) -> np.ndarray:
@@ -89,10 +91,11 @@ class Nulls:
         return np.asarray((result.z - self.mean) / self.std)
 
     def threshold_of(self, term: Term) -> float:
-        """Return the threshold of a term's Z².
+        """Return the threshold of Z² for a term.
 
-        Terms that only write the rigid body's equations in another form have a threshold of their
-        own. Its Bonferroni correction counts only these terms of the catalogue.
+        A term is an effect on one axis. ``formal`` terms have a separate threshold: they only
+        change the form of the rigid body's equations, such as by omitting couplings. Bonferroni's
+        correction of this threshold counts only the ``formal`` terms of the catalogue.
         """
         if not term.effect.formal:
             return self.threshold
@@ -103,7 +106,7 @@ class Nulls:
     def confidence(self, Z2: float) -> float:
         """Return the probability exp(−P p) that none of P squared scores reaches Z² by chance.
 
-        p is the probability that one squared score does.
+        p is the probability that one squared score reaches Z² by chance.
         """
         spread = 1 + 1 / self.flights if self.flights else 2.0
         p = 2 * float(t_sf(np.sqrt(Z2 / spread), self.freedom))
@@ -118,10 +121,10 @@ def simulated_nulls(
     flights: int,
     seed: int,
 ) -> tuple[Nulls, np.ndarray]:
-    """Return the distribution of the scores z in simulated flights, and each flight's ∂ℓ/∂θ (B, n).
+    """Return the distribution of the scores z in null simulations, and each flight's ∂ℓ/∂θ (B, n).
 
-    B = ``flights`` is the number of flights. ℓ is the log-likelihood, θ (n,) the fit's scaled
-    parameters. The controller must be known.
+    The B = ``flights`` flights are simulated from ``fit``, without any further effect. ℓ is the
+    log-likelihood, θ (n,) are the fit's scaled parameters. The controller must be known.
     """
     problem, o = fit.problem, fit.optimum
     model = model_at(problem, o.theta, o.noise)
@@ -138,17 +141,18 @@ def simulated_nulls(
     return nulls_from_scores(z, len(screen.plain)), np.array([g for _, g in out])
 
 
-def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
-    """Return the distribution of the P scores, from their values z (B, P) in B simulated flights.
+def nulls_from_scores(z: np.ndarray, probes: int | None = None) -> Nulls:
+    """Return the distribution of P scores from their values z (B, P) in B null simulations.
 
-    The first ``signed`` scores (default: all) are of effects at trial values. The others are the
-    largest scores over all frequencies or instants of an effect.
+    The first ``probes`` scores (default: all) belong to effects with fixed trial values of their
+    parameters. Each other score is the largest one of an effect over all frequencies or start
+    times.
     """
     B, P = z.shape
     mean = z.mean(axis=0)
     std = _shrunk_std(z)
     inflation = float(np.median(std) ** 2)
-    drift = np.where(np.arange(P) < (P if signed is None else signed), DRIFT * mean, 0.0)
+    drift = np.where(np.arange(P) < (P if probes is None else probes), DRIFT * mean, 0.0)
     std = np.hypot(std, drift)
     nu = B - 1 + COMMON
     threshold = (1 + 1 / B) * float(t_isf(FALSE_ALARMS / (2 * P), nu)) ** 2
@@ -169,9 +173,9 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def bonferroni(tests: int) -> float:
-    """Return the threshold of Z² that the largest of ``tests`` tests exceeds without any effect.
+    """Return Bonferroni's threshold of Z² for a number of ``tests``, for a normal distribution.
 
-    The probability of this false alarm is `FALSE_ALARMS`.
+    Without any effect, the largest Z² of the tests exceeds it with probability `FALSE_ALARMS`.
 
     >>> round(bonferroni(60), 1)
     16.4
@@ -180,7 +184,10 @@ def bonferroni(tests: int) -> float:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen, why: str) -> Nulls:
-    """Return the scores' distribution without any effect, by formula; ``why`` not by simulation."""
+    """Return the distribution that the scores have without any effect, computed from a formula.
+
+    ``why``: reason why null simulations cannot estimate it, for the text ``method``.
+    """
     n = len(screen.names)
     root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(

@@ -1,20 +1,24 @@
-"""Compare two causes by flights simulated from each: Cox's test of separate hypotheses (1961).
+"""Compare causes by flights simulated from each: Cox's test of separate hypotheses (1961).
 
-Encoders on a limit cycle make the score bias large, and its linear correction
-(`bias_correction.corrected_maximum`) too inaccurate to rank causes. This test needs no such
-correction. The causes to compare (rivals) are fitted (`bias_correction.correction`), and B flights
-are simulated from each. For the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their
-log-likelihoods for the recordings. In the flights simulated from k, this difference has the mean
-m_k and the standard deviation s_k. f_k is the density of the difference under rival k, t that of
-Student's distribution with B − 1 degrees of freedom. W_kj is twice the log odds of k against j:
+Usually the BIC scores of the candidates decide which one is the cause (`search.select`). They
+require that a linear correction removes the bias of the score test
+(`bias_correction.corrected_maximum`). On an encoder limit cycle, the bias is too large for this
+correction. The bias of a candidate is z̄, the mean of its score z over null simulations, which
+contain no effect (`search.nulls`). κ is the variance inflation of the scores in these simulations.
+If |z̄|/√κ > `SIGMAS_997` for one of the candidates to compare (rivals), this test decides instead.
+
+Each rival is fitted (`bias_correction.correction`), and B flights are simulated from each fit. For
+the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their log-likelihoods for the recordings.
+In the flights simulated from k, the same difference has the mean m_k and the standard deviation
+s_k. The simulations give the density f_k of d_jk for the case that k is the cause. t is the density
+of Student's distribution with B − 1 degrees of freedom:
 
     f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-z̄ is the mean of a rival's score-test statistic z over the nulls, κ their variance inflation. If
-|z̄|/√κ > `SIGMAS_997` for any rival, the cause is the rival k with the largest min_{j≠k} W_kj.
-Rivals j with W_kj < `TIE` are confounded with it. The confidence in k is at most its
-`select.certainty` against the remaining rivals. If no bias is that large, the BIC scores decide
-(`search.select`), and nothing is simulated.
+W_kj is twice the log odds of k against j. The chosen cause is the rival k with the largest
+min_{j≠k} W_kj. Rivals j with W_kj < `TIE` are confounded with k. The confidence in k is at most the
+posterior probability of k among k and the rivals that are not confounded with it
+(`select.certainty`).
 """
 
 from __future__ import annotations
@@ -43,18 +47,18 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 MIN_RELATIVE_Z2 = 0.3
-"""Least Z² of a rival, relative to the largest Z² of the candidates. Chosen; not derived."""
+"""A candidate is compared only if its Z² is this share of the largest Z². Chosen; not derived."""
 FLIGHTS, ROUNDS = 12, 6
 """B, flights simulated from each rival; rounds of its bias correction. Chosen; not derived."""
 MIN_STD = 1.0
-"""Least s_k. Chosen; not derived."""
+"""Least standard deviation s_k of a log-likelihood difference. Chosen; not derived."""
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates whose scores are too biased to rank them, the chosen cause first.
+    """Return the candidates to compare by simulated flights, the chosen cause first.
 
-    The list is empty if no bias is that large. Terms that the score test cannot detect are left
-    out, because they have no such bias.
+    The list is empty if the bias of all their scores is small enough to rank them by these scores.
+    Terms that the score test cannot detect are left out, because they have no such bias.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
@@ -71,8 +75,9 @@ def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[floa
     """Return |z̄|/√κ, the bias of the score test relative to its scatter, for each candidate.
 
     z̄ is the mean of the candidate's score z over the null simulations, κ the variance inflation of
-    all scores there. Candidates that the score test cannot detect are omitted. So are scanned ones:
-    the mean of a largest z is positive even without bias.
+    all scores in these simulations. Candidates that the score test cannot detect are omitted.
+    Candidates whose z is a maximum over frequencies or start times are also omitted: such a z has a
+    positive mean even without bias.
     """
     at = [c.probe for c in candidates if c.probe is not None and not c.term.effect.scan]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
@@ -82,11 +87,11 @@ def compared_by_simulation(
     choice: Choice, current: CorrectedFit, nulls: Nulls, recordings: Sequence[Recording], *,
     seed: int, flights_per_round: int,
 ) -> Choice:  # fmt: skip
-    """Return the choice, revised by simulated flights if scores cannot rank it and its rivals.
+    """Return the choice of a cause, revised by simulated flights if scores cannot rank the rivals.
 
-    ``current``: the fit to which the cause is added. ``flights_per_round``: flights that each round
-    of the bias correction simulates. A rival whose correction diverges cannot be simulated, so it
-    is not the cause.
+    The rivals are the candidates that `rivals` returns. ``current``: the fit to which the cause is
+    added. ``flights_per_round``: flights that each round of the bias correction simulates. A rival
+    whose bias correction diverges cannot be simulated, so it is not the cause.
     """
     compared = rivals(choice, nulls)
     fits = [
@@ -122,9 +127,10 @@ def compared_by_simulation(
 def likelihoods(
     fits: Sequence[CorrectedFit], recordings: Sequence[Recording], *, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log-likelihoods of the recordings (K,) and of B flights from each fit (K, B, K).
+    """Return the log-likelihoods of K fits for the recordings (K,) and for simulated flights.
 
-    The first axis is the simulated fit, the last axis the fit whose likelihood is evaluated.
+    The second array is (K, B, K): B flights are simulated from each fit (first axis), and the
+    likelihood of each fit (last axis) is evaluated for each flight.
     """
     models = [model_at(f.problem, f.theta, f.optimum.noise) for f in fits]
     data = fits[0].problem.data
@@ -143,11 +149,13 @@ def likelihoods(
 
 
 def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
-    """Return whether the flights simulated from rival k refute it in favour of rival j.
+    """Return whether flights simulated from rival k refute that k is the cause, in favour of j.
 
-    d_jk of the recordings must lie beyond that of the flights of k, on the side of those of j: so
-    far that chance does it with probability `FALSE_ALARMS`. The flights of j may refute j too; then
-    neither rival is the whole cause. Arguments as in `odds`.
+    d = ℓ_j − ℓ_k is the difference of the rivals' log-likelihoods. The flights simulated from k
+    give the distribution of d for the case that k is the cause. Rival k is refuted if d of the
+    recordings is too far from its mean, towards the mean of d in the flights from j. A d this far
+    has at most the probability `FALSE_ALARMS` if k is the cause. Flights from j may refute j too;
+    then neither rival is the whole cause. Arguments as in `odds`.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]
@@ -162,21 +170,24 @@ def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
     return bool(z * towards_j > t_isf(FALSE_ALARMS, len(of_k) - 1))
 
 
-def _standardised(d: float, flown: np.ndarray) -> tuple[float, float]:
-    """Return (z, s) of the recordings' difference d, given those of B flights (B,).
+def _standardised(recorded_d: float, flown_d: np.ndarray) -> tuple[float, float]:
+    """Return (z, s) with z = (d − mean)/s, for the difference d of two rivals' log-likelihoods.
 
-    z = (d − mean)/s has Student's distribution with B − 1 degrees of freedom. s is the standard
-    deviation of d about the mean of the flights.
+    d is ``recorded_d`` for the recordings and ``flown_d`` (B,) for B flights simulated from one
+    rival. The mean is over these flights. s is the standard deviation of d − mean if this rival is
+    the cause; z then has Student's distribution with B − 1 degrees of freedom.
     """
-    s = max(float(flown.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / len(flown))
-    return float((d - flown.mean()) / s), float(s)
+    s = max(float(flown_d.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / len(flown_d))
+    return float((recorded_d - flown_d.mean()) / s), float(s)
 
 
 def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
-    """Return W (K, K); W_kj is twice the log odds of rival k against j, positive if k is likelier.
+    """Return W (K, K): W_kj is twice the log odds of rival k against j, positive if k is likelier.
 
-    ``recorded`` (K,): each rival's log-likelihood for the recordings. ``flown`` (K, B, K): the
-    same (last axis) for B flights simulated from each rival (first axis).
+    The K rivals are fits, each with another cause. ``recorded`` (K,): log-likelihood of each rival
+    for the recordings. ``flown[i, b, k]``: log-likelihood of rival k for flight b of the B flights
+    simulated from rival i. The odds compare two densities of the recordings' log-likelihood
+    difference ℓ_j − ℓ_k: in flights from k, and in flights from j.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]

@@ -1,18 +1,22 @@
 """Rao's score test of every candidate effect, without fitting any.
 
-With the filter's gains held, a probe (an effect at trial values) changes the predictions c of E
-encoder readings by δc (E,), its trace. g and w (E,) are the readings' scores and information,
-W = diag(w). θ (n,) are the fitted parameters, with prior mean θ_0 and prior precision Λ. With
-T = ∂c/∂θ (n, E) and A = T W Tᵀ + Λ,
+A probe is an effect with trial values of its parameters. It changes the filter's predictions c of E
+encoder readings by δc (E,), computed with the filter's gains held fixed. Each reading has the
+likelihood Z, the score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²; W = diag(w). θ (n,) are
+the fitted parameters, with prior mean θ_0 and prior precision Λ. With T = ∂c/∂θ (n, E) and
+A = T W Tᵀ + Λ,
 
-    u = δc·g − (T W δc)ᵀ A⁻¹ (T g − Λ(θ − θ_0))        efficient score
-    v = δc W δc − (T W δc)ᵀ A⁻¹ (T W δc)               its information
+    u = δc·g − (T W δc)ᵀ A⁻¹ (T g − Λ(θ − θ_0))        efficient score of the effect's size
+    v = δc·W δc − (T W δc)ᵀ A⁻¹ (T W δc)               information on the effect's size
     z = u/√v                                           standard normal without the effect
-    u/v                                                estimated size, in units of the probe
+    u/v                                                estimated size, in units of the trial size
 
-The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. A sum
-over readings with weights q is computed by its adjoint L: Σ q δc = Σ L·δa, where δa is the probe's
-change of the acceleration (`bias_correction.perturbation`).
+The parts with A⁻¹ project out the fitted parameters, so a refit is not necessary.
+
+u = Σ q δc is a weighted sum over the readings; `evaluation.efficient_score` gives the weights q. A
+probe changes the model's accelerations by δa (rad/s²). One backward pass of the linearised filter
+gives L, the derivative of Σ q δc with respect to δa at each time. Then u = Σ L·δa for every probe,
+so u does not require δc of each probe (`bias_correction.perturbation`).
 
 The likelihood is approximate, so z is biased; `search.nulls` standardises it.
 """
@@ -46,12 +50,13 @@ from heli3dof.model.physics.state_layout import Stage
 
 @dataclass(frozen=True, eq=False)
 class ScreenResult:
-    """Scores of P trial effects, for the recordings or for one null simulation."""
+    """Scores of P effects with trial values, for the recordings or for one null simulation."""
 
     probes: tuple[Probe, ...]
-    """Plain probes, then each scan's probe at its peak"""
+    """Effects with fixed trial values, then the effects that were scanned over all frequencies or
+    start times, each at the values with the largest score"""
     z: np.ndarray
-    """(P,)"""
+    """(P,) scores"""
     amplitude: np.ndarray
     """(P,) estimated distance of the first parameter from its null value, in its unit; NaN for a
     voltage limit"""
@@ -62,12 +67,18 @@ LEAST_INFORMATION = 1e-12
 excludes rounding errors: changes of the readings by less than 1e-9 of their noise. A wrong yaw zero
 causes only these, because no prediction depends on it."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
-"""The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
-the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
+"""How the n probes (trial values) of a term change the model: indices of the probes, changes of the
+accelerations (n, C, 3) in C chunks of time, changes of the E readings (n, E), and changes of the
+first readings in B blocks (n, B, 3). The last two are None if the effect changes no reading."""
 
 
 class Screen:
-    """The score test at one fit, with the information v of the recordings (``recorded``)."""
+    """The score test of all candidates at the parameters of one fit.
+
+    It tests the recordings and null simulations. For both, the information v is that of the
+    recordings, whose filter run is ``recorded``. ``probes``: effects with fixed trial values;
+    ``scans``: torques to test at every frequency or start time.
+    """
 
     def __init__(
         self, problem: Likelihood, theta: np.ndarray, recorded: Evaluation, probes: Sequence[Probe],
@@ -79,7 +90,7 @@ class Screen:
         self.values = problem.values(theta)
         self.sets = self._sets()
         self.D = np.zeros((len(self.plain), len(recorded.at.row)))
-        """(P, E) traces of the plain probes"""
+        """(P, E) changes δc of the E predicted readings by the P probes with fixed trial values"""
         for rows, a, m, m0 in self._changes(recorded):
             self.D[rows] = forward(recorded.path, a, m, m0)
         self.weight = recorded.at.w
@@ -98,24 +109,27 @@ class Screen:
     def names(self) -> tuple[str, ...]:
         """Return the names (P,) of the tested terms, one for each score.
 
-        Terms with fixed trial values of their parameters come first. Terms that are scanned over
-        frequencies or instants follow.
+        Terms with fixed trial values of their parameters come first. Terms that are tested at every
+        frequency or start time follow.
         """
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ of the changes of predicted readings by two trial effects.
+        """Return the correlation ρ between two effects with trial values.
 
-        ``a`` and ``b`` are their indices. The fit's parameters are projected out of the changes.
+        Each effect changes the predicted readings. The fit's parameters are projected out of both
+        changes; ρ is the correlation of what remains. ``a`` and ``b`` are indices of probes.
         """
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
 
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
-        """Return the scores of all trial effects and of all scans over frequencies or instants.
+        """Return the scores of all candidates in the recordings or in a null simulation.
 
-        ``prior``: as in `efficient_score`.
+        ``evaluation``: the filter's run over these data. Candidates with fixed trial values come
+        first. Candidates that are tested at every frequency or start time follow. ``prior``: as in
+        `efficient_score`.
         """
         q = efficient_score(self.problem, self.theta, evaluation, prior=prior)
         L, mu, z0 = backward(evaluation.path, q[None])
@@ -138,10 +152,10 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return for each term: its trials' indices, the model with the term, and parameter values.
+        """Return for each term: indices of its probes, model with the term, values of parameters.
 
-        A trial sets the term's parameters to fixed values. The first array of parameter values has
-        the term at its null; the others are those of the trials.
+        A probe sets the term's parameters to trial values. The first array of parameter values is
+        that without effect; then follows one array for each probe.
         """
         rows: dict[str, list[int]] = {}
         for i, p in enumerate(self.plain):
@@ -169,9 +183,9 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """Return the structure with the term ``t``, and parameter values at which t has no effect.
+    """Return the structure with the term ``t`` added, and the parameter values without its effect.
 
-    ``values``: those of the other parameters, which are kept.
+    ``values``: values of the structure's own parameters, which are kept.
     """
     wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.

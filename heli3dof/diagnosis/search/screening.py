@@ -38,15 +38,16 @@ class Screening:
 
     @cached_property
     def Z(self) -> np.ndarray:
-        """Return the standardised scores (P,) of P trial effects in the recordings."""
+        """Return the standardised scores (P,) of the recordings for P effects with trial values."""
         return self.nulls.standardised(self.recorded)
 
     @cached_property
     def ranked(self) -> list[tuple[Term, float, int]]:
         """Return (term, Z², index of the trial values with this Z²) of each term, by falling Z².
 
-        A term has the largest Z² over its trial values. Z² is zero if a term would have the wrong
-        sign, such as a negative friction.
+        A term may be tested with several trial values of its parameters. Its Z² is the largest one
+        of these tests. Z² counts as zero if the estimated effect has the wrong sign, such as a
+        negative friction.
         """
         best: dict[str, tuple[Term, float, int]] = {}
         for i, p in enumerate(self.recorded.probes):
@@ -68,7 +69,7 @@ class Screening:
         `LARGE` typical sizes. A voltage limit is included if the recorded voltages never reach it.
         """
         best: dict[str, float] = {}
-        for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
+        for p, s, v in zip(self.screen.plain, self._size_std, self.screen.v, strict=True):
             share = SIGMAS_997 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
             if p.size is None:  # a limit is identifiable if the recordings reach it
                 share = 0.0 if np.isfinite(v) else np.inf
@@ -78,17 +79,20 @@ class Screening:
     def detectable_size(self, name: str) -> float:
         """Return the size of a term's first parameter, in its unit, at which Z² is significant.
 
-        It is infinite for a term without trial values, such as one with a frequency to scan.
+        The size is infinite for a term without fixed trial values, such as a torque that is tested
+        at every frequency.
         """
-        plain = zip(self.screen.plain, self._sigma, strict=True)
+        plain = zip(self.screen.plain, self._size_std, strict=True)
         named = [float(s) for p, s in plain if p.name == name]
         return float(np.sqrt(self.nulls.threshold)) * min(named, default=np.inf)
 
     @cached_property
-    def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of the first parameter, estimated at each trial value.
+    def _size_std(self) -> np.ndarray:
+        """Return the standard deviation of each effect's size, if the score test estimates it.
 
-        Terms with a frequency or instant to scan are omitted.
+        The size is the value of the effect's first parameter, in its unit. There is one element for
+        each test at fixed trial values. Torques that are tested at every frequency or start time
+        are omitted.
         """
         plain, v = self.screen.plain, self.screen.v
         size = np.array([np.inf if p.size is None else p.size for p in plain])

@@ -1,32 +1,37 @@
-"""Choose the next cause of a step from the score test and the full fits, or none.
+"""Choose the next cause of a step, or none, from the score test and from refits.
 
-Z² of the score test shows whether any effect is present; full fits (`search.candidate_fits`)
-show which one, by their score: BIC for the bias-corrected log-likelihood. The current fit, without
-a further cause, has the score 0.
+Z² of the score test (`search.screening`) shows whether any effect is present. Then the model is
+refitted with each of the best candidates added (`search.candidate_fits`). The score of a refit, its
+gain in BIC, shows which candidate is the cause. The log-likelihood in BIC is bias-corrected. The
+current fit, without a further cause, has the score 0.
 
 Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
 
     min(S − S′, (1 − ρ²) S) < max(`TIE`, `FORMULA_ERROR` · S) + 2 √S ε √(2 (1 − |ρ|))
     ε² = (`DRIFT` z̄)²/κ + 1/B
 
-ρ is the correlation of the changes of predicted readings by the two probes, with the fit's
-parameters projected out. The second candidate explains the share ρ² of S, so (1 − ρ²) S is the
-expected difference; a larger one is chance or an error of a formula, and separates nothing. ε is
-the error of the bias correction, in standard deviations: z̄ was simulated without the cause, in B
-flights. |z̄| is the larger absolute mean of the probes' z over the nulls, κ the nulls' variance
-inflation. If a candidate has no probe, or was scanned, ρ and ε count as 0. The rules
-(`best_choice`):
+- ρ is the correlation between the changes of the predicted readings that the two candidates cause
+  (`Screen.correlation`). The second candidate explains the share ρ² of S, so (1 − ρ²) S is the
+  expected difference. A larger difference is due to chance or to an inexact formula of an effect.
+  It does not distinguish the candidates.
+- ε is the error of the bias correction, in standard deviations. z̄ is the mean of a candidate's
+  score z over B null simulations, which contain no further effect (`search.nulls`). The larger |z̄|
+  of the two candidates counts. κ is the variance inflation of z in these simulations.
+- ρ and ε count as 0 if one of the candidates has no score test, or has a score test that is a
+  maximum over all frequencies or start times.
+
+`best_choice` applies these rules:
 
 1. If the best score is below `TIE`, no effect is a cause.
-2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.threshold_of`). In addition, it
-   must be confounded with the best candidate, or its score must reach that threshold too.
-3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
-   it: their scores may be bias.
+2. A candidate qualifies if its Z² reaches its threshold (`Nulls.threshold_of`). In addition, its
+   score must reach the same threshold, or it must be confounded with the best candidate.
+3. The qualified candidate with the highest score is chosen. Candidates with still higher scores did
+   not qualify: their scores may be bias. They are reported as confounded with the chosen one.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs a
    score of at least min(`MIN_FURTHER_SCORE` · largest earlier score, `SUFFICIENT`). An inertia off
    nominal counts as an earlier cause: the position of the additional mass is unknown, so its
-   formula is inexact, too. Other forms of the body's equations (``formal`` effects) are exempt from
-   this rule.
+   formula is inexact, too. ``formal`` effects, which only change the form of the rigid body's
+   equations, are exempt from this rule.
 """
 
 from __future__ import annotations
@@ -48,11 +53,11 @@ from heli3dof.diagnosis.search.screening import Screening
 from heli3dof.model.effects import Term
 
 MAX_FITS = 10
-"""Most screened terms fitted per step. Chosen; not derived."""
+"""Largest number of terms with a score test that are refitted per step. Chosen; not derived."""
 FORMULA_ERROR = 0.03
 """Relative error of a score caused by an inexact formula of an effect. Chosen; not derived."""
 MIN_FITTED_Z2 = 0.1
-"""Least Z² of a term for a full fit, relative to the largest Z². Chosen; not derived."""
+"""Least Z² of a term for a refit, relative to the largest Z². Chosen; not derived."""
 MIN_FURTHER_SCORE = 0.1
 """Least score of a further cause, relative to the largest earlier score. Chosen; not derived."""
 
@@ -68,7 +73,7 @@ class Choice:
     candidates: tuple[CandidateFit, ...]
     """All fitted candidates: the chosen one, then the others, best first"""
     threshold: float = 0.0
-    """Threshold of Z², from the nulls"""
+    """Threshold of Z², from null simulations (`search.nulls`)"""
     by_flights: bool = False
     """True if simulated flights of rivals (`search.rivals`), not scores, decided the choice"""
 
@@ -84,10 +89,11 @@ def with_ties(cause: Cause, names: Iterable[str]) -> Cause:
 def choose(
     s: Screening, earlier_score: float | None, tried: Sequence[GridTrial] = ()
 ) -> Choice | None:
-    """Return the next cause to add to the screened fit; None if there is none.
+    """Return the next cause to add to the fit ``s.fit``; None if there is none.
 
-    ``earlier_score``: largest score of the earlier causes, None without one. ``tried``: terms
-    to fit that the score test cannot detect.
+    ``earlier_score``: largest score of the earlier causes, None without an earlier cause.
+    ``tried``: terms that the score test cannot detect. They were evaluated at trial values, and are
+    refitted here like the terms with a large Z².
     """
     ranked = candidates_to_fit(s)
     formal = [r for r in s.ranked if r[0].effect.formal and s.nulls.threshold_of(r[0]) <= r[1]]
@@ -96,7 +102,10 @@ def choose(
 
 
 def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
-    """Return at most `MAX_FITS` terms to fit; none if no Z² reaches `Nulls.threshold`."""
+    """Return at most `MAX_FITS` terms to refit; none if no Z² reaches `Nulls.threshold`.
+
+    Each element is an entry of `Screening.ranked`.
+    """
     if not s.ranked or s.ranked[0][1] < s.nulls.threshold:
         return []
     return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_FITTED_Z2 * s.ranked[0][1]]
@@ -107,7 +116,7 @@ def best_choice(
 ) -> Choice | None:
     """Return the best cause among the ``fits`` by the module's rules 1 to 4, or None.
 
-    ``earlier_score``: largest score of the earlier causes, None without one.
+    ``earlier_score``: largest score of the earlier causes, None without an earlier cause.
     """
     nulls = s.nulls
     fits = sorted(fits, key=lambda f: -f.score)
@@ -152,7 +161,10 @@ def certainty(scores: Sequence[float]) -> float:
 
 
 def are_confounded(s: Screening, best: CandidateFit, other: CandidateFit) -> bool:
-    """Return whether the scores do not separate two candidates; ``best`` has the higher one."""
+    """Return whether the recordings cannot distinguish two candidates (see the module).
+
+    ``best`` is the candidate with the higher score.
+    """
     difference, score = best.score - other.score, max(best.score, 0.0)
     margin = max(TIE, FORMULA_ERROR * score)
     a, b = best.probe, other.probe

@@ -1,8 +1,10 @@
-"""Perform the steps of a diagnosis: screen, choose a cause, extend the model.
+"""Perform the steps of forward selection: each step adds one cause to the model.
 
-1. `screening_step` runs the score test on the recordings and their nulls.
-2. `Step.chosen` chooses the next cause by full fits (`search.select`).
-3. `fit_with_cause` returns the bias-corrected fit with that cause.
+1. `screening_step` computes the score test of all candidates on the recordings. Null simulations,
+   which contain none of the candidates, give the distribution of the scores.
+2. `Step.chosen` refits the model with each of the best candidates added, and chooses the next cause
+   (`search.select`).
+3. `fit_with_cause` returns the bias-corrected fit of the model with that cause.
 """
 
 from __future__ import annotations
@@ -49,22 +51,23 @@ from heli3dof.model.effects import Term
 from heli3dof.model.physics.parametrisation import Structure
 
 TRIAL_FLIGHTS = 12
-"""Nulls for terms without a score. Chosen; not derived."""
+"""Null simulations for terms that the score test cannot detect. Chosen; not derived."""
 MAX_SHIFT, MAX_NOISE_SHIFT = 30.0, 1.0
 """Range of a bias correction, in standard deviations of θ and in ln(noise intensity). Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step(Screening):
-    """A step of forward selection: the screening of the current fit, and the choice of a cause."""
+    """A step of forward selection: score tests of the current fit, and the choice of a cause."""
 
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return the ``untested`` terms whose log-likelihood gain justifies a full fit.
+        """Return those of the ``untested`` terms whose log-likelihood gain justifies a refit.
 
-        Each is returned with the parameter value of largest log-likelihood among the values tried.
-        If flights can be simulated, the gain must also exceed that in null simulations.
+        ``untested``: terms that the score test cannot detect. Each is tried at several values of
+        its first parameter, and returned with the value of largest log-likelihood. If flights can
+        be simulated, the gain must also exceed the gain in null simulations.
         """
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
@@ -78,7 +81,7 @@ class Step(Screening):
         return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
-        """Return this step with the next cause chosen, or None as its ``choice``.
+        """Return this step with the next cause as its ``choice``, or None if there is none.
 
         ``earlier_score``: largest score of the earlier causes (`search.select`), or None.
         """
@@ -100,8 +103,9 @@ class Step(Screening):
     def next_choice(self, diverged: Sequence[str], earlier_score: float | None) -> Step:
         """Return this step with the next best candidate as its ``choice``, or None.
 
-        ``diverged``: names of the candidates chosen before, with which simulated flights diverge.
-        They are reported as confounded with the new choice. ``earlier_score``: as in `chosen`.
+        ``diverged``: names of the candidates that this step chose before. They were rejected,
+        because simulated flights of the model with such a candidate diverge. They are reported as
+        confounded with the new choice. ``earlier_score``: as in `chosen`.
         """
         assert self.choice is not None
         rest = [c for c in self.choice.candidates if c.term.name not in diverged]
@@ -114,11 +118,12 @@ class Step(Screening):
 def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
     """Return the steps; the ``tied_with`` of each cause also names rivals that remain significant.
 
-    A rival is another candidate of the cause's step. It is added if both conditions hold:
+    A rival is another candidate of the step that chose the cause. It is added if both hold:
 
-    - Its Z² in the last step is below half of that in the cause's step: the cause explains much of
-      what the rival would explain.
-    - Its Z² in the last step still reaches the threshold: the cause does not explain all of it.
+    - The rival's Z² in the last step is below half of its Z² in the cause's step. So the cause
+      explains much of what the rival would explain.
+    - The rival's Z² in the last step still reaches the threshold. So the cause does not explain all
+      of it.
 
     If the last step chose a cause, no rival is added.
     """
@@ -138,10 +143,11 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
-    """Return the step that follows ``fit``, without a choice: scores and their null distribution.
+    """Return the next step of forward selection after ``fit``; its ``choice`` is still None.
 
-    ``flights``: number of flights to simulate for this distribution. If ``fit`` was not
-    bias-corrected by simulated flights, a formula gives the distribution.
+    The step contains the scores of all candidates, and the distribution that these scores have
+    without any further effect. ``flights``: number of flights to simulate for this distribution. If
+    ``fit`` was not bias-corrected by simulated flights, a formula gives the distribution.
     """
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
@@ -165,8 +171,9 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
 def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> CorrectedFit:
     """Return the ``current`` fit with the chosen term, bias-corrected.
 
-    If the chosen term writes the rigid body's equations in another form (``formal``), all other
-    significant terms of this kind are added too.
+    A ``formal`` term only changes the form of the rigid body's equations, such as by omitting
+    couplings. If the chosen term is ``formal``, all other significant ``formal`` candidates of the
+    step are added too.
     """
     best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum
@@ -177,9 +184,10 @@ def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> Corre
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return whether ``other`` writes the rigid body's equations in another form, significantly.
+    """Return whether the candidate ``other`` is ``formal`` and significant.
 
-    Its Z² and its score must both reach the threshold of Z² in ``choice``.
+    ``formal`` candidates only change the form of the rigid body's equations. To be significant, the
+    Z² and the score of ``other`` must both reach the threshold of Z² in ``choice``.
     """
     return other.term.effect.formal and min(other.statistic, other.score) >= choice.threshold
 
@@ -202,8 +210,8 @@ def bias_corrected(
 ) -> CorrectedFit:
     """Return the fit near an optimum, bias-corrected if the controller is known.
 
-    ``current``: the fit without the optimum's new terms, as a second starting point
-    (`correction_starts`). On a limit cycle, a second fit also uses edge rates (how often encoder
+    ``current``: the fit without the optimum's new terms. It provides a second starting point
+    (`correction_starts`). On a limit cycle, a second fit also matches edge rates (how often encoder
     counts change); the fit with the smaller `unexplained_scatter` is returned. If the fit gives an
     implausible inertia, it is repeated with a narrow prior on the inertias.
     """
@@ -229,8 +237,8 @@ def bias_corrected(
 def without(fit: CorrectedFit, name: str) -> CorrectedFit:
     """Return the fit without the term ``name``, refitted with the bias correction of ``fit``.
 
-    If that refit is `out_of_range` of the correction, it is repeated without correction; its
-    ``bias`` is zero.
+    If the correction is invalid for the refit (`out_of_range`), the refit is repeated without
+    correction; its ``bias`` is zero.
     """
     keep = np.array([f.term != name for f in fit.free])
     structure = Structure(
@@ -241,7 +249,11 @@ def without(fit: CorrectedFit, name: str) -> CorrectedFit:
 
 
 def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> CorrectedFit:
-    """Return the fit of ``problem``, which has the parameters ``keep`` ((n,) bool) of ``fit``."""
+    """Return a refit after some parameters of ``fit`` were removed; ``problem`` has the others.
+
+    ``keep`` (n,) bool: True for each parameter of ``fit`` that ``problem`` still has. The refit
+    starts at their values in ``fit``.
+    """
     theta, noise = fit.optimum.theta[keep], fit.optimum.noise
     bias = fit.score_bias[keep]
     noise_bias = np.zeros(3) if fit.noise_bias is None else fit.noise_bias
@@ -255,10 +267,11 @@ def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> Correcte
 
 
 def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
-    """Return the base simulation, refitted with the form of the equations that ``fit`` has.
+    """Return the fit of the base simulation, with the same form of the equations as in ``fit``.
 
-    ``formal`` effects in ``fit`` write the rigid body's equations in another form. If there are
-    none, the function returns ``base``. Else it removes all added terms except these from ``fit``.
+    The ``formal`` terms of ``fit`` change the form of the rigid body's equations. If ``fit`` has
+    none, the result is ``base``. Otherwise all terms that are neither ``formal`` nor in ``base``
+    are removed from ``fit``, and the others are refitted.
     """
     if not fit.structure.formal:
         return base

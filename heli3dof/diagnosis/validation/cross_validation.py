@@ -1,8 +1,9 @@
-"""Evaluate a fit on data that were not used to estimate it, except as in 3 to 5 below.
+"""Evaluate a fit on held-out data.
 
-Without hold-out recordings, this is cross-validation: each block b of the training recordings is
-left out once, with `PURGE_S` on either side. A Gauss-Newton step from the fit θ̂ gives the
-parameters θ_{−b} that the other rows determine:
+Items 3 to 5 below list the quantities that are nevertheless estimated with the held-out data.
+Without hold-out recordings, the evaluation is a cross-validation: each block b of the training
+recordings is left out once, with `PURGE_S` of rows on either side. A Gauss-Newton step from the
+fit θ̂ gives the parameters θ_{−b} that the remaining rows determine:
 
     θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 
@@ -15,15 +16,17 @@ parameters θ_{−b} that the other rows determine:
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
    of the remaining rows. Without this change of Λ, an inertia could diverge if the left-out block
    contains the only step.
-3. The instant of a mass change (`bias_correction.evaluation.SCANNED`) stays fixed: no other block
-   contains information on it.
+3. In cross-validation, the instant of a mass change (`bias_correction.evaluation.SCANNED`) keeps
+   its value in θ̂: the remaining rows contain no information on it.
 4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
-   for that without. So a rougher held-out flight favours neither model.
-5. A phase or an instant (`effects.Parameter.per_recording`) of a hold-out recording is estimated on
-   that recording (`validation.prediction`). Without hold-out recordings, the time shifts
-   that give several recordings one phase come from all rows.
-6. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
-   because only encoder edges in both directions determine the position within the backlash.
+   for the model without them. So a flight with more noise favours neither model.
+5. Each recording has its own phase of a periodic torque, and its own instant of a mass change
+   (`effects.Parameter.per_recording`). For a hold-out recording, they are estimated on that
+   recording (`validation.prediction`). In cross-validation, time shifts of the recordings give the
+   torque the same phase in all recordings. These shifts remain those estimated from all rows.
+6. The filter starts `SETTLE_S` before the evaluated rows. With backlash it starts
+   `BACKLASH_SETTLE_S` before them, because only encoder edges in both directions determine the
+   position within the backlash.
 """
 
 from __future__ import annotations
@@ -64,15 +67,15 @@ from heli3dof.recording.recording import Recording
 BLOCKS = 5
 """Largest number of blocks. Chosen."""
 MIN_BLOCK_S = 3.0
-"""s; least length of a block. If two blocks are shorter, there are two all the same. Chosen."""
+"""s; least length of a block. There are always at least two blocks, even if shorter. Chosen."""
 PURGE_S = 0.5
 """s; rows on either side of a block that are left out with it. Chosen."""
 SEARCH_ROUNDS = 4
 """Largest number of Gauss-Newton iterations after a long step. Chosen."""
 LONG_STEP = 1.0
-"""Standard deviations: length of a first step above which the search goes on. Chosen."""
+"""Standard deviations: if the first step is longer, the search continues. Chosen."""
 MIN_INTERVAL_S = 1.0
-"""s; shorter remaining intervals of a run are not used. Chosen."""
+"""s; shorter intervals of training rows next to a left-out block are not used. Chosen."""
 SETTLE_S, BACKLASH_SETTLE_S = 1.0, 5.0
 """s; time the filter runs before the evaluated rows, without and with backlash. Chosen."""
 NOISE_STEPS = 4
@@ -83,7 +86,10 @@ _LOG_STEP = 0.4  # step of the log intensity, for finite differences
 def on_holdout(
     fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
-    """Evaluate a fit, or its model with parameters θ (n,), on recordings not used in the fit."""
+    """Evaluate a fit on recordings that it did not use.
+
+    If ``theta`` (n,) is given, the model with these parameters is evaluated instead of the fit.
+    """
     problem, optimum = problem_of(fit.structure, recordings), fit.optimum
     theta = optimum.theta if theta is None else theta
 
@@ -118,7 +124,8 @@ def held_out(
 ) -> HeldOut:
     """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation.
 
-    ``theta`` (n,), if given, replaces the fitted parameters on the same rows, without refitting.
+    If ``theta`` (n,) is given, the model with these parameters is evaluated instead of the fit, on
+    the same rows. Cross-validation then refits no parameter.
     """
     return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta)
 
@@ -144,7 +151,8 @@ def _restricted(
 ) -> Data:
     """Return the data of the rows in ``ranges`` [a, b), with up to ``settle_s`` before them.
 
-    Parts of a run that are shorter than ``least_s`` are left out.
+    A range may contain only part of a run (interval of usable rows). Parts that are shorter than
+    ``least_s`` are left out.
     """
     dt = float(np.median(d.h))
     least, settle, lead = (round(s / dt) for s in (least_s, settle_s, LEAD_S))
@@ -194,9 +202,10 @@ def _evaluate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return log-likelihood and prediction errors of the model at θ (n,) on ``rows`` [a, b).
 
-    The process noise is the most likely one there. The log-likelihood ln Z (N,) is 0 in other rows.
-    The errors (S, 3) rad, from the starts of the complete data, are NaN unless the prediction
-    starts and ends in ``rows``.
+    The process noise is estimated on ``rows``; the search for it starts at ``noise`` (4,). The
+    log-likelihood ln Z (N,) of each data row is 0 outside ``rows``. The errors (S, 3) rad are those
+    of predictions over `HORIZON_S` from the S rows `starts_of`. An error is NaN unless its
+    prediction starts and ends in ``rows``.
     """
     data = problem.data
     evaluated = replace(problem, data=_restricted(data, [rows], settle_s=settling_s(problem)))
@@ -223,10 +232,10 @@ def settling_s(problem: Likelihood) -> float:
 
 
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
-    """Return each row's log-likelihood ln Z (N, 3) by axis; 0 outside the data's blocks.
+    """Return each row's log-likelihood ln Z (N, 3) by axis; 0 in rows that the filter omits.
 
-    ``X`` (N, 9): columns 0 to 5 are a filter run's states, columns 6 to 8 the sums of ln Z over all
-    rows up to each row, by axis.
+    ``X`` (N, 9) is the result of the filter: columns 0 to 5 are states, columns 6 to 8 the sums of
+    ln Z over all rows up to each row, by axis.
     """
     out, rows = np.zeros((len(d.t), 3)), measured_rows(d)
     out[rows] = np.diff(X[rows, 6:], axis=0, prepend=np.zeros((1, 3)))
@@ -236,10 +245,11 @@ def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
 def _most_likely_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
 ) -> np.ndarray:
-    """Return ``noise`` (4,), its process noise replaced by the most likely one.
+    """Return the noise (4,) with which the likelihood of the rows from ``first`` on is largest.
 
-    The likelihood is that of the rows from ``first`` on. Earlier rows only let the filter settle:
-    at its start, it may mistake a limit cycle for a rate.
+    Elements 0 to 2 are the process noise on the three axes. Element 3, the sampling jitter, stays
+    that of ``noise``, at which the search starts. The likelihood omits the rows before ``first``,
+    because the filter has not settled there: it may mistake a limit cycle for an angular rate.
     """
     a = np.array(noise, dtype=float)
     best, highest = a.copy(), np.full(3, -np.inf)
@@ -269,7 +279,7 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> HeldOut:
-    """Return the results of all ``parts``, summed over cells of about `CELL_S` seconds.
+    """Return the results of all ``parts``, summed over cells (time intervals of about `CELL_S`).
 
     Each part contains the results of `_evaluate` on one hold-out recording or block. ``on``:
     description of the held-out data.

@@ -109,7 +109,7 @@ class Gain:
 def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
     """Return the gain of one model (after) over another (before), from results on the same rows.
 
-    ``seed`` is that of the bootstrap.
+    ``seed``: random seed of the bootstrap.
     """
     m = len(before.squares)
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
@@ -131,7 +131,10 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
 
 def interval(draws: np.ndarray) -> tuple[float, float]:
-    """Return the central interval of share `LEVEL` of bootstrap ``draws``; NaN are left out."""
+    """Return the central interval that contains the share `LEVEL` of the bootstrap ``draws``.
+
+    NaN are left out.
+    """
     tail = 50 * (1 - LEVEL)
     low, high = np.nanpercentile(draws, [tail, 100 - tail])
     return float(low), float(high)

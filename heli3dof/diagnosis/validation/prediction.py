@@ -6,16 +6,17 @@ y is the measured angle. Its prediction ŷ starts from the filter's state at row
 recorded voltages.
 
 **Phases and instants.** A periodic torque has the same amplitude and frequency in every recording
-of a rig, but not the same phase φ. A mass is added at a different instant t_m in each. In
-recordings that were not fitted, φ or t_m is the value that maximises the log-likelihood ℓ there;
-all other parameters stay as they are. Several phases and instants are estimated one after another.
+of a rig, but not the same phase φ. A mass change happens at a different instant t_m in each
+recording. In a recording that was not fitted, φ and t_m are estimated: they maximise the
+log-likelihood ℓ of this recording, one after another. All other parameters keep their values.
 
 For a torque proportional to sin(2π f t + φ), ℓ is nearly a quadratic function of cos φ and sin φ:
 
     ℓ(φ) = Σ_{k=0..2} a_k cos kφ + b_k sin kφ
 
 `PHASES` values of ℓ determine its coefficients (discrete Fourier transform). The largest ℓ(t_m) is
-searched on a grid from before the recording (the mass is there throughout) to after it (never).
+searched on a grid of instants. The grid starts before the recording (the mass is changed
+throughout) and ends after it (the mass is never changed).
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ HORIZONS_S = (0.1, 0.3, 1.0, 3.0)
 EVERY_S = 0.05
 """s between starts. Chosen."""
 SETTLED_S = 0.5
-"""s at the start of a run for the filter to settle; no prediction starts there. Chosen."""
+"""s at the start of an interval of usable rows, in which the filter settles. No prediction starts
+there. Chosen."""
 MAX_ERROR = 10 * np.pi
 """rad: a larger or infinite prediction error counts as this value. Chosen: five turns."""
 PHASES = 8
@@ -59,7 +61,10 @@ def mean_square(e: np.ndarray) -> np.ndarray:
 
 
 def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelihood:
-    """Return the likelihood of the recordings' usable runs of rows, for a model ``structure``."""
+    """Return the likelihood function of a model ``structure`` for the recordings.
+
+    It uses only the intervals of usable rows that `usable_runs` returns.
+    """
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     return Likelihood(data_of(recordings, runs), structure)
 
@@ -71,11 +76,12 @@ def prediction_errors(
     horizons_s: Sequence[float],
     starts: np.ndarray,
 ) -> np.ndarray:
-    """Return the prediction errors (S, H, 3) rad of the S rows ``starts`` over H horizons.
+    """Return the errors (S, H, 3) rad of predictions from the S rows ``starts`` over H horizons.
 
-    The predictions start from the filter's states X (N, ≥ 6), with the columns angles and rates, at
-    the parameters θ (n,). Errors are at most `MAX_ERROR`. They are NaN on unmeasured axes, beyond
-    the end of a run, and from a start outside the runs.
+    A prediction starts from the filter's state in X (N, ≥ 6), whose columns are angles and rates.
+    The model has the parameters θ (n,). Errors are at most `MAX_ERROR`. An error is NaN on an
+    unmeasured axis, and if the prediction does not start and end in the same run (interval of
+    usable rows).
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
@@ -98,10 +104,10 @@ def prediction_errors(
 
 
 def model_errors(model: GreyBoxModel, recordings: Sequence[Recording]) -> tuple[Data, np.ndarray]:
-    """Return the recordings' data and the model's prediction errors.
+    """Return the filter's input data from the recordings, and the model's prediction errors.
 
-    The errors (S, H, 3) rad are those of predictions from the S rows `starts_of` the data over the
-    H horizons `HORIZONS_S`.
+    The model predicts the angles over the H horizons `HORIZONS_S` from each of S rows. The function
+    `starts_of` selects these rows. The errors are (S, H, 3) in rad.
     """
     problem = problem_of(model.structure, recordings)
     theta = problem.structure.scaled(model.values)
@@ -128,7 +134,10 @@ def with_blocks(data: Data, blocks: np.ndarray) -> Data:
 
 
 def starts_of(d: Data) -> np.ndarray:
-    """Return the rows (S,) where predictions start: every `EVERY_S`, after `SETTLED_S` in a run."""
+    """Return the rows (S,) from which predictions start: every `EVERY_S` in each run.
+
+    A run is an interval of usable rows. Its first `SETTLED_S` contain no start.
+    """
     out = [np.zeros(0, dtype=np.int64)]
     for _, start, stop in d.blocks:
         dt = float(np.median(d.h[start:stop]))
@@ -137,7 +146,11 @@ def starts_of(d: Data) -> np.ndarray:
 
 
 def measured_rows(d: Data) -> np.ndarray:
-    """Return the rows of the data's runs, without the lead-ins."""
+    """Return the indices of the rows whose readings the filter uses.
+
+    These are all rows inside the runs (intervals of usable rows). The rows before a run that only
+    determine the thrusts at its start (lead-in) are omitted.
+    """
     return np.concatenate([np.zeros(0, int), *(np.arange(a, b) for _, a, b in d.blocks)])
 
 
@@ -148,7 +161,10 @@ def rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
 
 
 def rows_of_recordings(d: Data) -> list[tuple[int, int]]:
-    """Return the rows [a, b) that hold the runs of each recording, in the order of ``d.runs``."""
+    """Return for each recording the smallest range [a, b) that contains all its usable rows.
+
+    The recordings are in the order of ``d.runs``.
+    """
     sources = [run.source for run in d.runs]
     of = {s: [b for b, other in zip(d.blocks, sources, strict=True) if other == s] for s in sources}
     return [(int(blocks[0][1]), int(blocks[-1][2])) for blocks in of.values()]
@@ -157,7 +173,11 @@ def rows_of_recordings(d: Data) -> list[tuple[int, int]]:
 def with_own_values(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
 ) -> np.ndarray:
-    """Return θ (n,) with each phase and instant estimated on the recording in ``rows`` [a, b)."""
+    """Return θ (n,) with the parameters that differ between recordings re-estimated.
+
+    These are the phase of a periodic torque and the instant of a mass change. Their values maximise
+    the likelihood of the recording in ``rows`` [a, b). The other parameters keep their values.
+    """
     theta = theta.copy()
     d = problem.data
     inside = (d.blocks[:, 1] >= rows[0]) & (d.blocks[:, 2] <= rows[1])

@@ -1,16 +1,18 @@
-"""Compute free-run predictions from filtered states over several horizons, and their variances.
+"""Compute free-run predictions over several horizons, and their variances.
 
-`predict_free_run` simulates in steps h of at most 20 ms (`integrator.mean_thrust_step`). q are the
-angles (rad), F̄ is the exact mean of the thrusts F (N) in a step. The acceleration q̈ (rad/s²) is
-that at the middle of the step:
+`predict_free_run` starts each prediction from a state of the filter. It simulates in steps h of at
+most 20 ms (`integrator.mean_thrust_step`). q are the angles (rad), F̄ is the exact mean of the
+thrusts F (N) in a step, q̈ (rad/s²) the acceleration at the middle of the step:
 
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
-`prediction_variances` propagates the covariance P of the states (angles and rates) as
-`heli3dof.model.estimation.ekf_quantised` does. A filter update by a reading of one state c has the
-gain K and the information w. It reduces P like a reading of variance R (P_c: column c of P):
+`prediction_variances` propagates the covariance P of the states (angles and rates) as the filter
+`heli3dof.model.estimation.ekf_quantised` does. A run of this filter gives two numbers for each
+measurement update of one state c: w, the information of the reading on c, and K_c, the variance of
+c before the update. Gaussian measurement noise of variance R would give w = 1/(K_c + R). So each
+update is replaced by a linear one with this R (P_c: column c of P):
 
-    P ← P − P_c P_cᵀ/(P_cc + R),      R = 1/w − K_c
+    R = 1/w − K_c,      P ← P − P_c P_cᵀ/(P_cc + R)
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ from heli3dof.model.physics.integrator import mean_thrust_step, readings, setup
 from heli3dof.model.physics.state_layout import T
 
 STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
-"""Longest step of the covariance, in units of the fastest time constant, unless more than
-`MAX_STEPS` steps would be needed. Chosen."""
+"""Longest step of the covariance, in units of the fastest time constant. At most `MAX_STEPS` steps
+are used, even if they are longer than that. Chosen."""
 
 
 @partial(compiled, error_model="numpy", nogil=True)
@@ -37,10 +39,12 @@ def predict_free_run(  # type: ignore[no-untyped-def]
 ):
     """Write the predicted encoder readings (rad) to ``out`` (S, H, 3).
 
-    S predictions start at the rows ``starts`` (S,), from the state of that row in X (N, 6). The H
-    horizons are ``rows`` (H,) long, in rows. Both arrays ascend. ``thrust_integral`` (N + 1, 2):
-    the thrusts' time integral in each block (`prediction.impulse`). A reading is NaN beyond the end
-    of a run, and infinite if the prediction diverged.
+    S predictions start at the rows ``starts`` (S,), each from the state of its row in X (N, 6).
+    ``rows`` (H,) contains the H horizons, as numbers of rows. Both arrays are sorted, smallest
+    element first. ``thrust_integral`` (N + 1, 2): time integral of both thrusts up to each row,
+    computed separately for each of the ``blocks`` (intervals of usable rows) by
+    `prediction.impulse`. A reading is NaN if its row is beyond the block in which the prediction
+    starts. It is infinite if the prediction diverged.
     """
     x, w, m, slope = np.empty(6), np.zeros((3, 3)), np.empty(3), np.empty(3)
     at = 0
@@ -96,7 +100,8 @@ def prediction_variances(  # type: ignore[no-untyped-def]
 ):
     """Write the variances (rad²) of the predicted angles to ``out``: S starts, H horizons, 3 axes.
 
-    P0 (B, 6): variances of the states at the start of each of B blocks of rows.
+    P0 (B, 6): variances of the states at the start of each of the B ``blocks`` (intervals of usable
+    rows).
     """
     P, Q, column = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     work = np.empty((3, 6))

@@ -2,30 +2,32 @@
 
 The noise floor is the error that the true model would have. It should be computed for the model
 with the effects found: a fit without these effects attributes them to noise. If the controller is
-known, the floor due to white noise is the model's error on flights simulated with the model.
-Otherwise it is √(P + Δ²/12), with the filter's variance P predicted to the horizon and the encoder
-step Δ. The recordings' coloured noise adds to it.
+known, the floor due to white noise is the model's error on flights simulated with the model. If the
+controller is unknown, this floor is √(P + Δ²/12). P is the variance of the angle that the filter
+predicts for the horizon, Δ the encoder step. The variance due to coloured noise is added.
 
-The worst interval of an axis is the window of `WORST_S` in which predictions over `HORIZON_S` have
-the largest mean square error.
+The worst interval of an axis is the time interval of `WORST_S` in which predictions over
+`HORIZON_S` have the largest mean square error.
 
 **Coloured noise.** The filter assumes white process noise: an angular acceleration n(t) of each
 axis, with the density a² (a in rad/s²/√Hz). Draughts and other real torques are correlated over
-tenths of a second. The fit then matches only high frequencies, so long predictions are worse than
-the filter expects. In a prediction over h, n causes the error
+tenths of a second. The fitted a² then matches the spectrum of n only at high frequencies, so long
+predictions are worse than the filter expects. In a prediction over h, n causes the error
 
     e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
     ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
 
-w is the normalised autocorrelation of the ramp h − s. The correlation of n is estimated from scores
-u_b = Σ g δc, each a sum over the readings in one block of Δ = `NOISE_BLOCK_S`. g is the score of a
-reading's prediction, δc its change by a constant acceleration of 1 rad/s². The mean of the u_b,
-which a constant torque causes, is subtracted. Γ_l is their autocovariance at lag l. With white
-noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m) for m blocks. ρ is set
+w is the normalised autocorrelation of the ramp h − s. Time is divided into m blocks of
+Δ = `NOISE_BLOCK_S`. The score u_b = Σ g δc is a sum over the encoder readings in block b. c is the
+predicted reading, g = ∂ ln L/∂c, and δc the change of c by a constant acceleration of 1 rad/s². So
+u_b is the part of block b in the derivative of ln L with respect to this acceleration. The mean of
+the u_b, which a constant torque causes, is subtracted. Γ_l is the autocovariance of the u_b at lag
+l. With white noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m). ρ is set
 to 1 unless it exceeds 1 by `QUANTILE_99` standard deviations.
 
-The formula neglects stiffness and damping within h. The u_b have the correlation of n, because the
-filter responds to n faster than h. A slow torque that the model lacks also counts as noise.
+The formula neglects stiffness and damping within h. It also assumes that the u_b have the
+correlation of n, because the filter's response time to n is shorter than h. A slow torque that the
+model lacks also counts as noise.
 """
 
 from __future__ import annotations
@@ -129,7 +131,10 @@ def simulation_error(
 def _worst(
     data: Data, errors: np.ndarray, recordings: Sequence[Recording]
 ) -> tuple[WorstInterval, ...]:
-    """Return the worst interval of each axis; ``errors`` (S, 3): from the starts, in rad."""
+    """Return for each axis the time interval of `WORST_S` with the largest prediction error.
+
+    ``errors`` (S, 3): errors in rad of predictions over `HORIZON_S` from the S rows `starts_of`.
+    """
     starts, each = starts_of(data), list[WorstInterval]()
     for run, (_, start, stop) in zip(data.runs, data.blocks, strict=True):
         inside = (starts >= start) & (starts < stop)
@@ -155,8 +160,10 @@ def floor_deg(
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
 
-    It comes from the filter's covariance if the controller is unknown, or if a simulated flight has
-    no usable rows (as with an unstable model).
+    Coloured noise is not included. The floor is the model's RMS prediction error in flights that
+    the model simulates. There are ``flights`` of them for each recording. If the controller is
+    unknown, or a simulated flight has no usable rows (as with an unstable model), the filter's
+    covariance gives the floor instead.
     """
 
     def simulated_mean_square(replication: int) -> np.ndarray:
@@ -196,21 +203,23 @@ def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -
 def coloured_variance(
     model: GreyBoxModel, recordings: Sequence[Recording], horizons_s: Sequence[float]
 ) -> np.ndarray:
-    """Return the variance (H, 3) rad² that coloured noise adds to predictions at H horizons.
+    """Return the variance (H, 3) rad² that coloured noise adds to predictions over H horizons.
 
-    It is (ρ − 1) a² h³/3 for each horizon h and axis.
+    For an axis and a horizon h (s), it is (ρ − 1) a² h³/3. a (rad/s²/√Hz) is the process noise, ρ
+    the variance of the prediction error relative to white noise (`_rho`).
     """
-    scores = [torque_scores(model, r) for r in recordings]
+    scores = [acceleration_scores(model, r) for r in recordings]
     h = np.array(horizons_s)
     rho = [[_rho([u[:, i] for u in scores], float(x)) for i in range(3)] for x in h]
     white = noise_of(model)[:3] ** 2 * h[:, None] ** 3 / 3
     return np.asarray((np.array(rho) - 1) * white)
 
 
-def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
-    """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks of time.
+def acceleration_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
+    """Return how much each of m time blocks contributes to the derivatives ∂ ln L/∂α: (m, 3).
 
-    The mean of u over the blocks is subtracted.
+    L is the likelihood, α (rad/s²) a constant additional acceleration of one of the three axes. A
+    block lasts `NOISE_BLOCK_S`. The mean over the blocks is subtracted.
     """
     problem, noise = problem_of(model.structure, [recording]), noise_of(model)
     (rows,) = rows_of_recordings(problem.data)
@@ -225,10 +234,10 @@ def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
 
 
 def _rho(series: Sequence[np.ndarray], horizon_s: float) -> float:
-    """Return ρ, the ratio of a prediction error's variance to that with white process noise.
+    """Return ρ: a prediction error's variance, divided by the variance with white process noise.
 
-    It is that of one axis at one horizon. ``series``: for each recording, the axis's scores of a
-    constant acceleration (m,) in m blocks.
+    The prediction is of one axis over one horizon. ``series``: for each recording, this axis'
+    column (m,) of the result of `acceleration_scores`.
 
     >>> rng = np.random.default_rng(0)
     >>> white = rng.standard_normal(40_000)

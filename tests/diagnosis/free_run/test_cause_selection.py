@@ -11,10 +11,11 @@ from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
 from heli3dof.diagnosis.free_run.cause_selection import (
     MeanTrimFit,
     NullDistance,
-    compared,
+    both_significant,
     confidence,
     contradicted,
     equivalent_deviation,
+    estimates_agree,
     kept_terms,
     not_identifiable,
     probability_nonzero,
@@ -162,7 +163,8 @@ def test_a_prior_far_from_the_null_value_is_not_a_cause(flat: MultiStepFit) -> N
 
 def significant(u: float, other: float, mostly_prior: bool = False) -> bool:
     """Whether two estimates that are u and ``other`` standard deviations from zero both count."""
-    return compared(NullDistance(u, (u, 1.0), mostly_prior), NullDistance(other, (other, 1.0)))[1]
+    one = NullDistance(u, (u, 1.0), mostly_prior)
+    return both_significant(one, NullDistance(other, (other, 1.0)))
 
 
 def test_both_halves_must_have_the_same_sign() -> None:
@@ -180,12 +182,14 @@ def test_an_estimate_from_the_prior_alone_does_not_count() -> None:
 
 def test_sizes_that_differ_by_more_than_three_deviations_are_inconsistent() -> None:
     one = NullDistance(9.0, (9.0, 1.0))
-    assert compared(one, NullDistance(5.0, (9.0 - 2.9 * 2**0.5, 1.0)))[0]
-    assert not compared(one, NullDistance(5.0, (9.0 - 3.1 * 2**0.5, 1.0)))[0]
+    assert estimates_agree(one, NullDistance(5.0, (9.0 - 2.9 * 2**0.5, 1.0)))
+    assert not estimates_agree(one, NullDistance(5.0, (9.0 - 3.1 * 2**0.5, 1.0)))
 
 
 def test_a_parameter_that_varies_by_recording_has_no_size_to_compare() -> None:
-    assert compared(NullDistance(9.0, None), NullDistance(3.0, None)) == (True, True)
+    pair = NullDistance(9.0, None), NullDistance(3.0, None)
+    assert estimates_agree(*pair)
+    assert both_significant(*pair)
 
 
 @pytest.mark.parametrize(
