@@ -214,7 +214,7 @@ RULES = (
     Rule(
         "the noise floor contains coloured noise",
         DIAGNOSIS + "validation.simulation_error:coloured_variance",
-        lambda rule, model, recordings, horizons_s: np.zeros((len(horizons_s), len(AXES))),
+        lambda rule, model, recordings, horizons_s, nulls: np.zeros((len(horizons_s), len(AXES))),
     ),
 )
 BY_NAME = {rule.name: rule for rule in RULES}

@@ -15,15 +15,17 @@ tenths of a second. The fitted a² then matches the spectrum of n only at high f
 predictions are worse than the filter expects. In a prediction over h, n causes the error
 
     e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
-    ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
+    ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) (r_l − r⁰_l),   w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
 
 w is the normalised autocorrelation of the ramp h − s. Time is divided into m blocks of
 Δ = `NOISE_BLOCK_S`. The score u_b = Σ g δc is a sum over the encoder readings in block b. c is the
 predicted reading, g = ∂ ln L/∂c, and δc the change of c by a constant acceleration of 1 rad/s². So
 u_b is the part of block b in the derivative of ln L with respect to this acceleration. The mean of
-the u_b, which a constant torque causes, is subtracted. Γ_l is the autocovariance of the u_b at lag
-l. With white noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m). ρ is set
-to 1 unless it exceeds 1 by `QUANTILE_99` standard deviations.
+the u_b, which a constant torque causes, is subtracted. r_l is the autocorrelation of the u_b at lag
+l. Encoder quantisation also correlates the u_b: r⁰_l is their autocorrelation in flights simulated
+with white noise, with m⁰ blocks in all. It is 0 if no flights are simulated. With white noise, ρ
+has the standard deviation √(4 Σ w² (1/m + 1/m⁰)). ρ is set to 1 unless it exceeds 1 by
+`QUANTILE_99` standard deviations.
 
 The formula neglects stiffness and damping within h. It also assumes that the u_b have the
 correlation of n, because the filter's response time to n is shorter than h. A slow torque that the
@@ -120,9 +122,7 @@ def simulation_error(
     model. Raises RecordingError if no row is usable.
     """
     data, e = model_errors(model, recordings)
-    floor, by = floor_deg(truth or model, recordings, seed=seed)
-    coloured = coloured_variance(truth or model, recordings, HORIZONS_S)
-    floor = np.sqrt(floor**2 + np.degrees(1.0) ** 2 * coloured)
+    floor, by = noise_floor_deg(truth or model, recordings, seed=seed)
     rmse = np.degrees(np.sqrt(mean_square(e)))
     at_horizon = e[:, HORIZONS_S.index(HORIZON_S)]
     return SimulationError(HORIZONS_S, rmse, floor, by, _worst(data, at_horizon, recordings))
@@ -155,27 +155,35 @@ def _worst(
     return tuple(max(of_axis, key=lambda w: w.rmse_deg) for of_axis in by_axis if of_axis)
 
 
-def floor_deg(
+def noise_floor_deg(
     model: GreyBoxModel, recordings: Sequence[Recording], *, flights: int = 2, seed: int = 0
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
 
-    Coloured noise is not included. The floor is the model's RMS prediction error in flights that
-    the model simulates. There are ``flights`` of them for each recording. If the controller is
-    unknown, or a simulated flight has no usable rows (as with an unstable model), the filter's
-    covariance gives the floor instead.
+    Without coloured noise, the floor is the model's RMS prediction error in flights that the model
+    simulates. There are ``flights`` of them for each recording. If the controller is unknown, or a
+    simulated flight has no usable rows (as with an unstable model), the filter's covariance gives
+    this floor instead.
     """
 
-    def simulated_mean_square(replication: int) -> np.ndarray:
+    def simulated(replication: int) -> tuple[np.ndarray, list[np.ndarray]]:
         rng = np.random.default_rng([seed, 77, replication])
-        simulated = [simulated_flight(model, r, rng) for r in recordings]
-        return mean_square(model_errors(model, simulated)[1])
+        flown = [simulated_flight(model, r, rng) for r in recordings]
+        scores = [acceleration_scores(model, r) for r in flown]
+        return mean_square(model_errors(model, flown)[1]), scores
 
+    white, by = None, "the filter's covariance"
+    nulls = list[np.ndarray]()
     if controller_is_known(recordings):
         with suppress(RecordingError):
-            floor = np.sqrt(np.mean(parallel_map(simulated_mean_square, flights), axis=0))
-            return np.degrees(floor), f"{flights} flights of the model's own"
-    return covariance_floor_deg(model, recordings), "the filter's covariance"
+            results = parallel_map(simulated, flights)
+            white = np.mean([square for square, _ in results], axis=0)
+            nulls = [u for _, scores in results for u in scores]
+            by = f"{flights} flights of the model's own"
+    if white is None:
+        white = np.radians(covariance_floor_deg(model, recordings)) ** 2
+    coloured = coloured_variance(model, recordings, HORIZONS_S, nulls)
+    return np.degrees(np.sqrt(white + coloured)), by
 
 
 def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
@@ -201,16 +209,23 @@ def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -
 
 
 def coloured_variance(
-    model: GreyBoxModel, recordings: Sequence[Recording], horizons_s: Sequence[float]
+    model: GreyBoxModel,
+    recordings: Sequence[Recording],
+    horizons_s: Sequence[float],
+    nulls: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Return the variance (H, 3) rad² that coloured noise adds to predictions over H horizons.
 
     For an axis and a horizon h (s), it is (ρ − 1) a² h³/3. a (rad/s²/√Hz) is the process noise, ρ
-    the variance of the prediction error relative to white noise (`_rho`).
+    the variance of the prediction error relative to white noise (`_rho`). ``nulls``: the
+    `acceleration_scores` of flights simulated with white noise.
     """
     scores = [acceleration_scores(model, r) for r in recordings]
     h = np.array(horizons_s)
-    rho = [[_rho([u[:, i] for u in scores], float(x)) for i in range(3)] for x in h]
+    rho = [
+        [_rho([u[:, i] for u in scores], [u[:, i] for u in nulls], float(x)) for i in range(3)]
+        for x in h
+    ]
     white = noise_of(model)[:3] ** 2 * h[:, None] ** 3 / 3
     return np.asarray((np.array(rho) - 1) * white)
 
@@ -233,29 +248,35 @@ def acceleration_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray
     return np.asarray(u - u.mean(axis=0))
 
 
-def _rho(series: Sequence[np.ndarray], horizon_s: float) -> float:
+def _rho(series: Sequence[np.ndarray], nulls: Sequence[np.ndarray], horizon_s: float) -> float:
     """Return ρ: a prediction error's variance, divided by the variance with white process noise.
 
     The prediction is of one axis over one horizon. ``series``: for each recording, this axis'
-    column (m,) of the result of `acceleration_scores`.
+    column (m,) of the result of `acceleration_scores`. ``nulls``: the same for flights simulated
+    with white noise.
 
     >>> rng = np.random.default_rng(0)
     >>> white = rng.standard_normal(40_000)
-    >>> _rho([white], 1.0)
+    >>> _rho([white], [], 1.0)
     1.0
-    >>> slow = np.convolve(white, np.ones(10))  # a mean over 0.5 s: Γ_l/Γ_0 = 1 − l/10
+    >>> slow = np.convolve(white, np.ones(10))  # a mean over 0.5 s: r_l = 1 − l/10
     >>> x = np.arange(1, 10) / 20
     >>> exact = 1 + 2 * ((1 - 1.5 * x + x**3 / 2) * (1 - 2 * x)).sum()
-    >>> bool(abs(_rho([slow], 1.0) / exact - 1) < 0.05)
+    >>> bool(abs(_rho([slow], [white], 1.0) / exact - 1) < 0.05)
     True
+    >>> _rho([slow], [np.convolve(rng.standard_normal(40_000), np.ones(10))], 1.0)
+    1.0
     """
-    lags = np.arange(1, max(2, round(horizon_s / NOISE_BLOCK_S)))
-    x = lags * NOISE_BLOCK_S / horizon_s
+    lags = range(1, max(2, round(horizon_s / NOISE_BLOCK_S)))
+    x = np.array(lags) * NOISE_BLOCK_S / horizon_s
     w = np.where(x < 1, 1 - 1.5 * x + x**3 / 2, 0.0)
-    power = sum(float(u @ u) for u in series)
-    if not power > 0:
-        return 1.0
-    covariance = [sum(float(u[:-lag] @ u[lag:]) for u in series) for lag in lags]
-    rho = 1 + 2 * float(w @ covariance) / power
-    std = np.sqrt(4 * float(w @ w) / sum(map(len, series)))
+
+    def correlated(series: Sequence[np.ndarray]) -> float:
+        power = sum(float(u @ u) for u in series)
+        covariance = [sum(float(u[:-lag] @ u[lag:]) for u in series) for lag in lags]
+        return 2 * float(w @ covariance) / power if power > 0 else 0.0
+
+    inverse_m = sum(1 / sum(map(len, s)) for s in (series, nulls) if s)
+    rho = 1 + correlated(series) - correlated(nulls)
+    std = np.sqrt(4 * float(w @ w) * inverse_m)
     return rho if rho > 1 + QUANTILE_99 * std else 1.0

@@ -26,7 +26,7 @@ from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, gain_
 from heli3dof.diagnosis.validation.prediction import HORIZONS_S, mean_square, model_errors
 from heli3dof.diagnosis.validation.simulation_error import (
     covariance_floor_deg,
-    floor_deg,
+    noise_floor_deg,
     simulation_error,
 )
 from heli3dof.experiment.plan import step_plan
@@ -290,12 +290,12 @@ def test_the_filter_s_covariance_predicts_the_noise_floor(
 ) -> None:
     """It is therefore used where no flight can be simulated."""
     model = model_of(right, [recording], "right")
-    simulated, how = floor_deg(model, [recording], flights=6)
+    simulated, how = noise_floor_deg(model, [recording], flights=6)
     assert how == "6 flights of the model's own"
     assert covariance_floor_deg(model, [recording]) == pytest.approx(simulated, rel=0.3)
     profile = recording.profile.model_copy(update={"controller": None})
     unknown = replace(recording, profile=profile)
-    assert floor_deg(model, [unknown])[1] == "the filter's covariance"
+    assert noise_floor_deg(model, [unknown])[1] == "the filter's covariance"
 
 
 def test_a_model_that_cannot_be_simulated_gets_its_noise_floor_from_the_covariance(
@@ -306,7 +306,7 @@ def test_a_model_that_cannot_be_simulated_gets_its_noise_floor_from_the_covarian
         "heli3dof.diagnosis.validation.simulation_error.simulated_flight",
         lambda model, r, rng: r.between(0.0, 0.2),
     )
-    floor, how = floor_deg(model, [recording])
+    floor, how = noise_floor_deg(model, [recording])
     assert how == "the filter's covariance"
     assert floor == pytest.approx(covariance_floor_deg(model, [recording]))
 
