@@ -16,8 +16,8 @@ this K_f. `greybox.thrust_scale` estimates the ratio k of the rig's thrust gain 
 T_g, J and F_h are multiplied by k, as in ``diagnose --json``. V_h does not depend on K_f.
 
 In a profile, thrust is proportional to the voltage: thrust = K_f · voltage. The thrust of the rig
-may be nonlinear (dead zone, rotor curve). With motor.V_o = V_h and motor.K_f = F_h/V_h, the profile
-has the right voltage and thrust at level hover in both cases (`LevelHover`).
+may be nonlinear (dead zone, rotor curve). Then, too, motor.V_o = V_h and motor.K_f = F_h/V_h give
+the right voltage and thrust at level hover (`LevelHover`).
 
 Causes without a key (friction, lag, …) and confounded causes do not change the profile;
 `Calibration.left_out` lists them.

@@ -13,8 +13,8 @@ control periods gets an equal share of it. The new gain K is the Kalman gain for
 and the output noise S. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well
 as the fit at the decimated rate.
 
-The fit's constant output offset d is replaced by trims y0 (rad) and u0 (V). With k counting control
-periods:
+The fit's constant output offset d is replaced by trims y0 (rad) and u0 (V). In control period k,
+the resampled model is
 
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
