@@ -30,7 +30,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import (
-    ProfileLikelihood,
+    LikelihoodWithInertiaPrior,
     corrected_base,
     fit_base,
     implausible_inertias,
@@ -89,7 +89,9 @@ def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     setup = Setup((product("steps", 1304),), seed=0, flights_per_round=6)
     runs = usable_runs(setup.recordings[0], 0)
     structure = Structure(setup.recordings[0].profile, ())
-    base = corrected_base(setup, ProfileLikelihood(data_of(setup.recordings, runs), structure))
+    base = corrected_base(
+        setup, LikelihoodWithInertiaPrior(data_of(setup.recordings, runs), structure)
+    )
     assert not base.is_corrected
     assert implausible_inertias(base)
     assert np.isfinite(base.values).all()
