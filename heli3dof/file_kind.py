@@ -62,9 +62,9 @@ def other_file(path: Path) -> tuple[str, str] | None:
 
 
 def model_files(document: Mapping[str, Any]) -> list[str]:
-    """Return the paths of the model files named in ``document``, the output of a verb with --json.
+    """Return the paths of the model files that are named in ``document``.
 
-    `VERBS` lists the verbs (subcommands).
+    ``document``: JSON output of a subcommand in `VERBS`, such as ``heli3dof diagnose --json``.
     """
     models = document.get("models", [])
     named = [m.get("file") for m in models if isinstance(m, dict)] if models else []
@@ -79,9 +79,9 @@ def no_file(
 ) -> Heli3dofError:
     """Return an ``error`` which states that ``path`` is not an existing file of this ``kind``.
 
-    The error suggests the most similar name. It searches ``names`` and the files of this kind in
-    the folder of ``path``. A user can give one of ``names`` instead of a path, for example the name
-    of a built-in plan. The comparison ignores upper case and file endings. Without a similar name,
+    The error suggests the most similar name: one of ``names``, or a file of this kind in the folder
+    of ``path``. ``names`` are names that a user can give instead of a path, for example those of
+    the built-in plans. The comparison ignores upper case and file endings. Without a similar name,
     the error lists ``names`` or suggests the command ``ls``.
     """
     found = list(path.parent.iterdir()) if path.parent.is_dir() else []

@@ -1,7 +1,7 @@
 """`link_warnings`: warns of a poor link between this computer and the rig.
 
-At the end of a flight, the command prints these warnings. The recording contains the link's
-counters and latency, so ``heli3dof info`` can print them again.
+After a flight, ``heli3dof run`` prints these warnings. The recording contains the link's counters
+and latency, so ``heli3dof info`` can print the warnings again.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
    revolution. Values on the grid of one unit are not on the other grid.
 2. Size: roll and pitch stay within ±180°. If a column's name states radians, its angle must also
-   stay within the profile's ``limits.yaw_max_deg``. Degrees that are taken for radians become 57.3
-   times larger and exceed it.
+   stay within the profile's ``limits.yaw_max_deg``. Degrees that are taken for radians appear 57.3
+   times as large and usually exceed this limit.
 3. Newton's law, for roll and pitch: over windows of length T, the second difference of an angle q
    is the torque M over the inertia J, integrated twice:
 

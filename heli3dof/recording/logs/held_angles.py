@@ -10,8 +10,8 @@ g be the number of rows from one change of its count to the next:
   two counts or more need c m > 1. Then the count changes in every m-th row: g = m.
 
 The estimate of m is the typical g between two successive changes of two counts or more in the same
-direction. An angle counts as repeated only if two more conditions hold. Most of these g must be
-close to m. And most changes, even those of one count, must follow the previous change after more
+direction. The readings count as repeated only if two more conditions hold. Most of these g must be
+close to m. And most changes, even changes of one count, must follow the previous change after more
 than m/2 rows. If the host is late, it delays some changes, too, but then the values of g scatter.
 
 Slow axes change by single counts and are not tested. A count is the smallest change of the logged

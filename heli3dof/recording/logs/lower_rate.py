@@ -25,7 +25,7 @@ MEANS = "with the mean of each voltage over the interval to the next one."
 
 
 def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
-    """Return ``table`` with about ``rate_hz`` rows per second, and with mean voltages between them.
+    """Return about ``rate_hz`` rows per second of ``table``; voltages are means until the next row.
 
     A log may repeat each reading of an angle in several rows (`rows_per_reading`). Then this
     function keeps the rows in which the angle changes. The number of rows between two kept rows may

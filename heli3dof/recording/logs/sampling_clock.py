@@ -134,7 +134,7 @@ def sampling_times(recording: Recording) -> Recording:
 
 
 def in_bursts(t: np.ndarray) -> bool:
-    """Return True if time stamps t (N,) come in bursts: many are much closer than the mean.
+    """Return True if the time stamps t (N,) come in bursts: many intervals are far below the mean.
 
     The constant `BUNCHED` states the limits.
     """
