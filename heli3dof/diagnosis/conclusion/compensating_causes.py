@@ -15,7 +15,8 @@ replaces the causes if
 - ℓ_s: log-likelihood of the model with the causes, which have n_s parameters
 - ℓ_φ: log-likelihood of the model with the formula in place of the causes
 - κ: variance inflation of the fit's scores (`Estimate.inflation`), at least 1
-- (n_s − 1) ln N: BIC penalty for the additional parameters of the causes; N filter updates
+- (n_s − 1) ln N: BIC penalty for the causes' additional parameters (the formula has one); N is the
+  number of filter updates
 - 2 ln K: penalty for the choice of one formula among K, each with the prior probability 1/K
 
 **Confirmation.** On a limit cycle, ℓ of a wrong model may be higher by hundreds. So the inequality
@@ -152,9 +153,10 @@ def _refitted_without(
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings; those with a doubtful size or gain are marked as unconfirmed ("…-like").
+    """Return the findings; those with a doubtful size or gain are marked as unconfirmed.
 
-    A finding is unconfirmed if one of these holds:
+    The report adds "-like" to the name of an unconfirmed finding. A finding is unconfirmed if one
+    of these holds:
 
     - Its size in ``fit`` differs from zero by less than `SIGMAS_95` standard deviations.
     - It does not significantly increase the likelihood of held-out data.
@@ -176,9 +178,10 @@ def insignificant(fit: Estimate) -> set[str]:
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """A fit whose model contains a torque given by a formula, c φ, on one axis.
+    """A fit whose model contains a torque c φ on one axis.
 
-    ``location``: the torque's axis, and the variable on which it depends.
+    φ is a product of measured quantities, c a fitted coefficient. ``location``: the torque's axis,
+    and the variable on which it depends.
     """
 
     problem: Likelihood

@@ -10,23 +10,22 @@ ratio of thrust slope to inertia. So a curved thrust appears as a wrong inertia.
 The score test evaluates each effect i at a trial size. If the rig has this effect with α times the
 trial size, and the model lacks it, the fitted parameter θ_j of T_g or an inertia shifts by α b_ji.
 θ_j is a scaled parameter, and b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). The profile's
-tolerance sets a lower and an upper limit of θ_j. If θ_j is beyond its limit θ_edge, effect i alone
-explains it from the size
+tolerance sets a lower and an upper limit of θ_j. If θ_j is beyond them, effect i alone explains
+this as long as θ_j − α b_ji lies between the limits. At a limit θ_edge,
 
-    α = (θ_j − θ_edge)/b_ji,        which has the expected statistic Z = α √v_i / std_i
+    α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-up to the size for which θ_edge is the opposite limit. v_i is the information of effect i. std_i is
-the standard deviation of its score in flights simulated without the effect. Effect i is confounded
-with parameter j if both hold:
+Z is the score-test statistic that the size α is expected to have. So the two limits give a range of
+α and a range of Z. v_i is the information of effect i. std_i is the standard deviation of its score
+in flights simulated without the effect. Effect i is confounded with parameter j if both hold:
 
-1. The smallest size α in this range is plausible: at most `LARGE` typical sizes, with a sign that a
+1. The smallest size α in its range is plausible: at most `LARGE` typical sizes, with a sign that a
    rig can have.
-2. The measured Z_i lies in the range of Z that belongs to the range of α, widened by `SIGMAS_997`
-   on either side.
+2. The measured Z_i lies in the range of Z, widened by `SIGMAS_997` on either side.
 
-A wrong K_f changes T_g and all inertias by the same factor (`greybox.thrust_scale`). For K_f the
-same two conditions apply, with another range of α: the corrected parameters θ_j − α b_ji must give
-a K_f within the tolerance.
+A wrong K_f changes the fitted T_g and inertias by the same factor (`greybox.thrust_scale`). For K_f
+the same two conditions apply, with another range of α: the corrected parameters θ_j − α b_ji must
+give a K_f within the tolerance.
 
 **Torques absorbed by an inertia.** In a short step flight, a slow torque has nearly the effect of a
 wrong inertia. If an inertia is significantly off nominal (`diagnosis.base_parameters`), effects
@@ -61,7 +60,7 @@ within the bounds of the effect ``encoder.scale`` and satisfies
 
 If no finding is confounded with the scale error of an axis, the scale error is reported as not
 identifiable. Exception: a scale error ε of roll would cause the roll offset rest (1 − 1/(1 + ε)).
-If an offset of this size is detectable, the recordings exclude the scale error.
+If an offset of this size is detectable, the recordings can show the scale error.
 """
 
 from __future__ import annotations
@@ -168,11 +167,11 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     def size_ranges(i: int, size: float) -> list[tuple[float, float]]:
         """Return the ranges of α in which α times the trial size of effect ``i`` explains K_f.
 
-        The base fit without effect i has wrong parameters if the rig has this effect. The effect
-        explains the deviation of K_f if the parameters without this error give a K_f within the
-        profile's tolerance. The result contains at most two ranges, one for α > 0 and one for
-        α < 0. A range is a tuple (α nearest to zero, α farthest from zero). ``size``: the trial
-        size, in the unit of the effect's first parameter.
+        If the rig has effect i, a fit without this effect has wrong parameters. The effect explains
+        a wrong K_f if the parameters without this error give a K_f within the profile's tolerance.
+        The result contains at most two ranges, one for α > 0 and one for α < 0. A range is a tuple
+        (α nearest to zero, α farthest from zero). ``size``: the trial size, in the unit of the
+        effect's first parameter.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(size)

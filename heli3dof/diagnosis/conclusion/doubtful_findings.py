@@ -80,9 +80,9 @@ MIN_SCORE_SHARE = 0.5
 
 
 def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Finding, ...]:
-    """Return the findings; the doubtful ones are marked as unconfirmed ("…-like").
+    """Return the findings; the doubtful ones are marked as unconfirmed.
 
-    These findings are doubtful:
+    The report adds "-like" to the name of an unconfirmed finding. These findings are doubtful:
 
     - a periodic torque with a frequency of the commanded motion
     - a change of mass at constant voltage, or found in several recordings

@@ -150,8 +150,8 @@ def _unexplained(r: UnexplainedError) -> float:
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
     """Return the names of the effects that the ``causes`` already cover.
 
-    These are the effects named by the faults of recordings, and the effects confounded with one of
-    the other causes.
+    A fault of a recording covers the effect that it names, such as sampling jitter. Each other
+    cause covers the effects that are confounded with it.
     """
     names: list[str] = []
     for f in causes:

@@ -151,7 +151,8 @@ def why_none(open_: UndecidedTerms | None) -> str:
 def probability_significant(chi2: float) -> float:
     """Return the probability that the estimate of a parameter is significant at 5 %.
 
-    ``chi2`` = u²: its true distance from the value without the effect is u standard deviations.
+    ``chi2`` = u²: the parameter's true distance from its value without the effect is u standard
+    deviations.
 
     >>> p = probability_significant
     >>> round(p(1.96**2), 2), round(p(16.0), 2)
@@ -200,9 +201,9 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 def coupling(p: MultiStep) -> np.ndarray:
     """Return Λ_b (dim, dim): the prior's precision that couples separate values to common values.
 
-    Some parameters have a separate value in each recording. The prior of a separate value is normal
-    about the value common to all recordings. Λ_b is the precision of the prior of all values, minus
-    the precision of the prior of the common values.
+    ``p`` has dim unknowns: the common values of its parameters, and for some parameters also a
+    separate value in each recording. The prior of a separate value is normal about the common
+    value. Λ_b is the prior's precision of all unknowns, minus that of the common values alone.
     """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=()).prior

@@ -2,8 +2,9 @@
 
 Causes are confounded if they explain the recordings almost equally well. A plan separates them if
 a flight of it shows which cause the rig has. To predict this, each plan is simulated once for each
-cause i: in closed loop with noise and encoders, on a model with cause i at its estimated size. The
-plan is also simulated on the base model, which has none of the causes.
+cause i: in closed loop with noise and encoders, on a model that contains cause i. The plan is also
+simulated on the base model, which contains none of these causes. The size of a cause is its
+estimate or, without an estimate, a typical value.
 
 The score test (`search.score_test`) computes a statistic of each cause j for each flight. z_j is
 the statistic in the flight with cause i, minus the statistic in the flight without causes. z_j² is

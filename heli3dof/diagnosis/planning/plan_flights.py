@@ -3,7 +3,7 @@
 The flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`).
 The references of the whole flight must be known before. But if a plan opens the control loop of an
 axis, the references depend on the motion. While the loop is open, the reference is the measured
-angle. After the loop has closed, it returns from there to the plan's reference
+angle. After the loop has closed, the reference returns from this angle to that of the plan
 (`heli3dof.model.control.controller`). So such a plan is first simulated without noise, to compute
 its references.
 """

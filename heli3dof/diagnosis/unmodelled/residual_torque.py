@@ -197,8 +197,8 @@ def along(
 class Hats:
     """The hat (triangular) functions of M variables, each as a torque on each of A axes.
 
-    The hat functions are numbered from zero. The function of an axis, a variable and a knot has the
-    number (axis · M + variable) · `KNOTS` + knot.
+    The hat functions have the index (axis · M + variable) · `KNOTS` + knot. Axis, variable and knot
+    are indices from zero.
     """
 
     variables: tuple[str, ...]
@@ -290,8 +290,9 @@ def hat_scores(library: Hats, flight: LinearisedRun, tangents: np.ndarray) -> Ha
 def hat_sensitivities(library: Hats, flight: LinearisedRun, group: int) -> np.ndarray:
     """Return the derivatives (KNOTS, E) of the E predicted encoder readings by torque coefficients.
 
-    They are the coefficients (N·m) of the `KNOTS` hat functions of one variable on one axis.
-    ``group``: index of this axis and variable in ``library.groups``.
+    The torque acts on one axis and is a piecewise linear function of one variable. The coefficients
+    are the torques (N·m) at its `KNOTS` knots. ``group``: index of the axis and the variable in
+    ``library.groups``.
     """
     axis, variable = library.groups[group]
     m = library.variables.index(variable)
@@ -305,10 +306,10 @@ def hat_sensitivities(library: Hats, flight: LinearisedRun, group: int) -> np.nd
 def _forward_pass(
     library: Hats, flight: LinearisedRun, tangents: np.ndarray, sensitivities: np.ndarray
 ) -> HatScores:
-    """Return `hat_scores`; write the hat functions' derivatives to ``sensitivities``.
+    """Return `hat_scores`; write the derivatives of the readings to ``sensitivities``.
 
-    ``sensitivities`` has the shape (J, E) for J hat functions and E encoder readings, or (0, E) if
-    the derivatives are not needed.
+    They are the derivatives (J, E) of E predicted encoder readings by the coefficients of J hat
+    functions. If ``sensitivities`` has the shape (0, E), they are not written.
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import sum_hat_scores
 

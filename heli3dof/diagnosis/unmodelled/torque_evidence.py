@@ -186,8 +186,8 @@ def coloured_noise_ratio(
 
     The torque is linear in K coefficients with the estimate ``torque`` (K,). Its score is the
     derivative of the log-likelihood ln L with respect to the coefficients. ``D`` (K, E) are the
-    derivatives ∂c/∂(coefficients) of the E predicted encoder readings c. Computation for k linear
-    combinations of the coefficients:
+    derivatives ∂c/∂(coefficients) of the E predicted encoder readings c. For k linear combinations
+    of the coefficients, a ratio is computed in four steps:
 
     1. Subtract the effect of the estimated torque from the derivatives ∂ ln L/∂c.
     2. From these, compute the score (k,) of each half-second block of the flight.

@@ -22,7 +22,7 @@ formula. The formula is proposed if BIC does not justify these parameters (N fil
 
 **Test without simulated flights.** Usually, simulated flights show whether a residual torque is
 significant. If flights cannot be simulated, `significant_formula` takes the formula with the
-largest S on each axis, and of these the one with the largest u²/σ_u². It is significant if
+largest S on each axis. Of these it tests the one with the largest u²/σ_u², which is significant if
 
     u²/σ_u² > 2 q²
 
@@ -185,8 +185,8 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 def product_sensitivities(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
     """Return the derivatives (P, E) of E predicted encoder readings by P torque coefficients.
 
-    They are the coefficients c, in SI units, of P torques c φ on the axis with the index ``axis``.
-    ``products``: the P products φ as text, such as ``roll_rate*sin(pitch)``.
+    Each torque c φ has the coefficient c, in SI units, and acts on the axis with the index
+    ``axis``. ``products``: the P products φ as text, such as ``roll_rate*sin(pitch)``.
     """
     p, flight = x.path, x.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2

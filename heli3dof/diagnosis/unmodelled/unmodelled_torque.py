@@ -192,9 +192,11 @@ def _next_torque(
     - Its torque explains more than `MIN_VARIANCE_SHARE` of the variance of the axis's residual
       torque.
 
-    If several groups meet them, the result is the first in the order of `ranked_with_time_bonus`.
-    The sensitivities are those of `_sensitivities`. ``is_coloured``: True if the search has already
-    accepted slow noise, that is, a torque that depends on time only.
+    If several groups meet them, the result is the most significant one. In this comparison,
+    functions of time get a bonus (`ranked_with_time_bonus`). The sensitivities (KNOTS, E) are the
+    derivatives of the E predicted encoder readings by the coefficients of the torque.
+    ``is_coloured``: True if the search has already accepted slow noise, that is, a torque that
+    depends on time only.
     """
     significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
     for q in ranked_with_time_bonus(significant, evidence.library, tests.x):
@@ -211,8 +213,8 @@ def _next_torque(
 def _sensitivities(evidence: Evidence, group: int) -> np.ndarray:
     """Return the derivatives (KNOTS, E) of the E predicted encoder readings by torque coefficients.
 
-    They are the coefficients (N·m) of the hat functions in the group with the index ``group``. A
-    group contains the `KNOTS` hat functions of one variable on one axis.
+    The torque acts on one axis and is a piecewise linear function of one variable. The coefficients
+    are the torques (N·m) at its `KNOTS` knots. ``group``: index of the axis and the variable.
     """
     return hat_sensitivities(evidence.library, evidence.flight, group)
 
