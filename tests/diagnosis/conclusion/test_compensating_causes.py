@@ -15,11 +15,11 @@ import pytest
 from heli3dof.diagnosis.conclusion import compensating_causes
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
 from heli3dof.diagnosis.conclusion.compensating_causes import (
-    contest,
     insignificant,
     marked_unconfirmed,
     predictions_agree,
     replaced_by_formula,
+    replacement,
     simulations_refute,
 )
 from heli3dof.diagnosis.diagnose import diagnose
@@ -202,10 +202,10 @@ def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.Monkey
     )
     monkeypatch.setattr(compensating_causes, "with_best_product", lambda less: formula)
     odds = -2 * np.log(3 * len(compensating_causes.PRODUCTS))
-    assert contest(fit, 7.0, causes).margin == pytest.approx(odds)
+    assert replacement(fit, 7.0, causes).margin == pytest.approx(odds)
 
 
-def test_without_causes_there_is_no_contest() -> None:
+def test_without_causes_there_is_nothing_to_replace() -> None:
     assert replaced_by_formula(SETUP, None, (), ()) is None  # type: ignore[arg-type]
 
 
