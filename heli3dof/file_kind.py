@@ -1,6 +1,7 @@
-"""State what kind of file a TOML or JSON file is, by its content, and suggest names of files.
+"""Explain in error messages that a file has the wrong kind, or that it does not exist.
 
-`other_file` is for a file of the wrong kind, `no_file` for a missing one.
+`other_file` recognises the kind of a TOML or JSON file by its content. `no_file` suggests the most
+similar name if a file does not exist.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ def toml_use(path: Path, kind: str) -> str:
 
 
 def other_file(path: Path) -> tuple[str, str] | None:
-    """Return what a TOML or JSON file is, and what to give or run instead; None for others."""
+    """Return what a TOML or JSON file is, and what to give or run instead.
+
+    Both values are texts for an error message. The result is None for a file with another ending.
+    """
     if path.suffix == ".toml":
         kind = toml_kind(_content(path))
         uses = [toml_use(path, k) for k in ([kind] if kind else ["profile", "plan"])]
@@ -58,7 +62,10 @@ def other_file(path: Path) -> tuple[str, str] | None:
 
 
 def model_files(document: Mapping[str, Any]) -> list[str]:
-    """Return the paths of the model files that a JSON document of `VERBS` names."""
+    """Return the paths of the model files that are named in ``document``.
+
+    ``document``: JSON output of a subcommand in `VERBS`, such as ``heli3dof diagnose --json``.
+    """
     models = document.get("models", [])
     named = [m.get("file") for m in models if isinstance(m, dict)] if models else []
     return [str(path) for path in [document.get("model"), *named] if path]
@@ -70,10 +77,12 @@ def no_file(
     error: type[Heli3dofError] = UsageError,
     names: Collection[str] = (),
 ) -> Heli3dofError:
-    """Return the ``error`` for a path at which there is no file of this ``kind``.
+    """Return an ``error`` which states that ``path`` is not an existing file of this ``kind``.
 
-    It names the most similar file of this kind, or one of ``names``, which stand for such files.
-    Upper case and endings are ignored. Without a similar name it lists ``names`` or the folder.
+    The error suggests the most similar name: one of ``names``, or a file of this kind in the folder
+    of ``path``. ``names`` are names that a user can give instead of a path, for example those of
+    the built-in plans. The comparison ignores upper case and file endings. Without a similar name,
+    the error lists ``names`` or suggests the command ``ls``.
     """
     found = list(path.parent.iterdir()) if path.parent.is_dir() else []
     known: list[str | Path] = [*names, *(p for p in found if p.is_file())]

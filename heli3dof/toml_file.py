@@ -278,7 +278,10 @@ def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -
 
 
 def _is_short_list(e: ErrorDetails) -> bool:
-    """Return True if a value of a list of fixed length is missing, not a key."""
+    """Return True if pydantic's error ``e`` means that a list of fixed length has too few values.
+
+    pydantic gives this error the same type as that of a missing key.
+    """
     return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 

@@ -6,7 +6,8 @@ i the row of the decimated data and y its angles,
 
     ū[i] = Σ_{j=iq}^{iq+q−1} V[j] (t[j+1] − t[j]) / (t[(i+1)q] − t[iq]),      y[i] = angle[iq]
 
-Angles are sampled, not averaged: a centred average uses future samples and looks like a delay.
+Angles are sampled, not averaged. An average would include angles after t[iq], which already respond
+to ū[i].
 
 A segment ends at a long gap in the clock and at a row that a linear model cannot use
 (`heli3dof.identification.row_selection`). A short gap ends no segment: the voltage was held, so its
@@ -114,7 +115,7 @@ class RecordingReport:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings, with the runs (ranges of usable rows) for training and those held out."""
+    """Recordings, with ranges of usable rows for training, and others held out for validation."""
 
     recordings: tuple[Recording, ...]
     train: tuple[RowRange, ...]
@@ -143,7 +144,9 @@ def checked_timing(recording: Recording) -> Timing:
 
 
 def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = ()) -> Prepared:
-    """Return the recordings with checked clocks and their usable runs, some of them held out.
+    """Return the recordings, with ranges of usable rows for the fit and others for validation.
+
+    The function also checks the time stamps of the recordings.
 
     Args:
         recordings: recordings to fit; all need roll, pitch and yaw, and the same sample interval.

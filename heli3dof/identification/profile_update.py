@@ -6,17 +6,21 @@
     inertia.<axis>             J_<axis>
     encoder.<axis>_rest_deg    old value − offset, for the cause encoder.offset (reading = angle +
                                offset)
-    encoder.<axis>             old value · k, for the cause encoder.scale (reading = rest +
-                               k (angle − rest)); −old value, if the integrity check encoder.sign
+    encoder.<axis>             old value · c, for the cause encoder.scale (reading = rest +
+                               c (angle − rest)); −old value, if the integrity check encoder.sign
                                finds the wrong sign
 
-In a model file, the trim torque T_g (N·m) and the inertias J (kg·m²) are relative to the thrust
-gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates the ratio k of the rig's K_f to the
-profile's. T_g and J are multiplied by k, as in ``diagnose --json``. The hover voltage V_h does not
-depend on K_f. With thrust linear in voltage, F_h/V_h is K_f. With nonlinear thrust (dead zone,
-rotor curve), F_h/V_h differs from K_f. But a profile's thrust is linear: with motor.K_f = F_h/V_h,
-it hovers at V_h (`LevelHover`). Causes without a key (friction, lag, …) and confounded causes do
-not change the profile; `Calibration.left_out` lists them.
+A flight does not identify the thrust gain K_f (N/V). So a model is fitted with the K_f of its
+profile, and its trim torque T_g (N·m), inertias J (kg·m²) and thrust F_h (N) are in proportion to
+this K_f. `greybox.thrust_scale` estimates the ratio k of the rig's thrust gain to the profile's.
+T_g, J and F_h are multiplied by k, as in ``diagnose --json``. V_h does not depend on K_f.
+
+In a profile, thrust is proportional to the voltage: thrust = K_f · voltage. The thrust of the rig
+may be nonlinear (dead zone, rotor curve). Then, too, motor.V_o = V_h and motor.K_f = F_h/V_h give
+the right voltage and thrust at level hover (`LevelHover`).
+
+Causes without a key (friction, lag, …) and confounded causes do not change the profile;
+`Calibration.left_out` lists them.
 """
 
 from __future__ import annotations
@@ -196,8 +200,9 @@ def profile_keys(
 ) -> dict[str, Measured]:
     """Return {key of the profile: measured value} for motor.K_f, motor.V_o and the inertias.
 
-    ``base``: name in `BASE` → measured value. If it is empty, so is the result. ``hover``: level
-    hover of the model in units of the profile's K_f; without one, K_f and V_o are left out.
+    ``base``: name in `BASE` → measured value. If it is empty, so is the result. ``hover``: voltage
+    and thrust per volt of the model in level hover, computed with the K_f of ``profile``. If it is
+    None, K_f and V_o are left out.
     """
     if not base:
         return {}
@@ -236,7 +241,7 @@ def ratios(
 
 
 def ratio_unit(name: str) -> str:
-    """Return the unit of ``name``, one of the keys of what `ratios` returns."""
+    """Return the unit of the quantity ``name``, a key of the dict that `ratios` returns."""
     return "V" if name == "V_o" else "N/(V·kg·m²)"
 
 

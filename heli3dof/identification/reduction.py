@@ -1,12 +1,13 @@
 """Simplify fitted transfer functions until every remaining factor is significant.
 
-A simplification H of the fitted transfer function G is accepted if at all frequencies ω of a grid
+G is the fitted transfer function from the sum or the difference of the two motor voltages to one
+angle. A simplification H of G is accepted if, at all frequencies ω of a grid,
 
-    |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
+    |H(jω) − G(jω)| ≤ L(ω),        L = max(2 σ, `ROUNDING`·M),        σ² = var Re G + var Im G
 
-that is, if the recordings do not distinguish H from G. The limit is at least `ROUNDING`·M, and it
-is `ROUNDING`·M if σ is unknown. M(ω) is the larger modulus of this angle's two responses, to the
-front and to the back motor. There are five simplifications:
+that is, if the recordings do not distinguish H from G. If σ is unknown, L is `ROUNDING`·M. M is
+computed from the transfer functions from the front and from the back motor's voltage to the same
+angle: it is the larger of their moduli at ω. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
@@ -16,13 +17,13 @@ front and to the back motor. There are five simplifications:
 * the roots of a factor, or of two real factors, move to the origin, if the coefficients of the
   factor or of the product are zero within two standard deviations.
 
-After each simplification the gain k is fitted again. Factors move to the origin only after no other
-simplification is possible. If they are of the denominator, 1/H and 1/G are compared, with the
-standard deviation σ/|G|² of 1/G, which is linear in the denominator's coefficients. If several
-simplifications are possible, the one with the smallest maximum of |H − G|/limit over the grid is
-applied.
-`heli3dof.identification.factored_transfer_function` defines k and the factors with the coefficients
-a, b, c.
+`heli3dof.identification.factored_transfer_function` defines the gain k and the factors with the
+coefficients a, b, c. k is fitted again after each simplification. If several simplifications are
+possible, the one with the smallest maximum of |H − G|/L over the grid is applied. Roots move to the
+origin only after no other simplification is possible.
+
+If the moved roots are poles, 1/H is compared with 1/G, because 1/G is linear in the coefficients of
+the denominator. The standard deviation of 1/G is σ/|G|².
 
 Let P be the covariance of the polynomials' coefficients θ, J = ∂H/∂φ, S = ∂G/∂θ and W = 1/σ². The
 standard deviations of the coefficients φ = (k, a, b, c) follow from
@@ -121,15 +122,17 @@ class _Channel:
         lead = np.flatnonzero(np.abs(self.num) > 1e-9 * np.abs(self.num).max())[0]
         numerator, denominator = self.rounded(self.num[lead:]), self.rounded(self.den)
         H, _ = self.refitted(replace(H, numerator=numerator, denominator=denominator))
-        while (nearest := self.nearest(_shorter(H, abs(self.s[-1])))) is not None:
+        while (nearest := self.nearest(_with_fewer_factors(H, abs(self.s[-1])))) is not None:
             H = nearest
         H = self.with_std(H)
 
         def with_moved_poles(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-            return (replace(H, denominator=moved) for moved in _at_origin(H.denominator))
+            moved = _with_roots_at_origin(H.denominator)
+            return (replace(H, denominator=factors) for factors in moved)
 
         def with_moved_zeros(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-            return (replace(H, numerator=moved) for moved in _at_origin(H.numerator))
+            moved = _with_roots_at_origin(H.numerator)
+            return (replace(H, numerator=factors) for factors in moved)
 
         while (nearest := self.nearest(with_moved_poles(H), poles=True)) is not None:
             H = self.with_std(nearest)
@@ -171,7 +174,7 @@ class _Channel:
 
         The largest value is that over all frequencies; above 1, H differs significantly from G. The
         gain is fitted by least squares with the weights 1/``limit``². ``poles``: H and G differ in
-        poles, so compare 1/H with 1/G.
+        poles, so the function compares 1/H with 1/G.
         """
         shape = replace(H, gain=1.0).at(self.s)
         w = 1 / self.limit**2
@@ -184,10 +187,11 @@ class _Channel:
     def nearest(
         self, candidates: Iterator[FactoredTransferFunction], *, poles: bool = False
     ) -> FactoredTransferFunction | None:
-        """Return the candidate nearest to the fitted response G, with its gain refitted.
+        """Return the candidate with the smallest deviation from the fitted response G, or None.
 
-        Nearest means: with the smallest deviation, the second result of `refitted`. The result is
-        None if it exceeds 1 for every candidate. ``poles``: as in `refitted`.
+        `refitted` fits the candidate's gain and computes the deviation. A candidate whose deviation
+        exceeds 1 differs significantly from G. If all candidates do, the result is None. ``poles``:
+        True if the candidates and G differ in poles.
         """
         best, least = None, 1.0
         for H, deviation in (self.refitted(H, poles=poles) for H in candidates):
@@ -250,11 +254,16 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
     return replace(H, denominator=tuple(map(known, H.denominator)))
 
 
-def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
-    """Yield the simplifications of H that have fewer factors (the second to fourth of the module).
+def _with_fewer_factors(
+    H: FactoredTransferFunction, highest: float
+) -> Iterator[FactoredTransferFunction]:
+    """Yield each variant of the transfer function H that lacks a pole, a zero, or one of each.
 
-    A pole beyond ``highest`` (rad/s) moves to infinity only if the denominator's degree then still
-    exceeds the numerator's. Only factors of the same order (1 or 2) cancel.
+    - A real pole is removed if it is beyond ``highest`` (rad/s), and if the denominator's degree
+      then still exceeds the numerator's.
+    - Every factor of the numerator is removed, in a variant of its own.
+    - A factor of the numerator and one of the denominator are removed together (they cancel) if
+      both have the same order, 1 or 2.
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):
@@ -272,12 +281,14 @@ def _degree(factors: Sequence[Factor]) -> int:
     return sum(len(f.coefficients) for f in factors)
 
 
-def _at_origin(factors: tuple[Factor, ...]) -> Iterator[tuple[Factor, ...]]:
-    """Yield the factors of a numerator or denominator with the roots of one factor moved to 0.
+def _with_roots_at_origin(factors: tuple[Factor, ...]) -> Iterator[tuple[Factor, ...]]:
+    """Yield variants of the ``factors`` of a numerator or denominator, with one or two roots at 0.
 
-    This applies to each factor s + a or s² + b s + c with a, or b and c, within `SIGMAS` standard
-    deviations of 0. It also applies to the product of two factors s + a, because the delta method
-    gives no valid standard deviation of the roots ±√−k of s² + k near k = 0 (`_product`).
+    There is a variant for each factor s + a or s² + b s + c whose coefficients are all within
+    `SIGMAS` standard deviations of 0. In the variant, s or s² replaces this factor. There is also a
+    variant for each such product of two factors s + a (`_product`), because two uncertain factors
+    may have a product s² + k with a k near 0. There the delta method gives no valid standard
+    deviation of the roots ±√−k.
     """
     zero = Factor((0.0,), (0.0,))
     real = [i for i, f in enumerate(factors) if len(f.std) == 1 and any(f.coefficients)]
@@ -293,8 +304,10 @@ def _product(f: Factor, g: Factor) -> Factor:
     """Return (s + a₁)(s + a₂) as s² + b s + c, with upper bounds of the standard deviations.
 
     From b = a₁ + a₂, c = a₁ a₂ and |cov(a₁, a₂)| ≤ σ₁ σ₂ follow σ_b ≤ σ₁ + σ₂ and
-    σ_c ≤ |a₁| σ₂ + |a₂| σ₁. For a pair ±√−k, c = k, and this bound is the standard deviation of k:
-    σ₁ = σ₂ = σ_k/(2√−k).
+    σ_c ≤ |a₁| σ₂ + |a₂| σ₁.
+
+    Example: the polynomial s² + k with k < 0 has a₁ = √−k, a₂ = −√−k and c = k. If k has the
+    standard deviation σ_k, then σ₁ = σ₂ = σ_k/(2√−k). The upper bound of σ_c is then exactly σ_k.
     """
     (a1,), (a2,), (s1,), (s2,) = f.coefficients, g.coefficients, f.std, g.std
     return Factor((a1 + a2, a1 * a2), (s1 + s2, abs(a1) * s2 + abs(a2) * s1))

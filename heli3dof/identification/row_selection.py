@@ -69,7 +69,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
     if ROLL in measured:
         roll = y[:, ROLL]
         rows["table"], rows["take_off"] = _table(recording)
-        rows["motors_off"] = _dropping(rows["motors_off"], roll)
+        rows["motors_off"] = _until_roll_rises(rows["motors_off"], roll)
         rows["falling"] = _falling(roll)
     for i in (i for i in measured if i != YAW):
         # The lower stop of roll is the table, which has its own reason.
@@ -83,9 +83,9 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 def rows_in_flight(recording: Recording) -> np.ndarray:
     """Return (N,) bool: True for the rows to which a rigid-body model applies.
 
-    They are not on the table, at a stop, with the motors off, falling, or in the ramp to zero.
-    After take-off, rows are True from the end of the climb on. For a linear model, rows are usable
-    only some seconds later (`unusable`).
+    A row is False while the rig is on its table, at a mechanical stop, falling, or without motor
+    voltage, and while the voltages ramp down to zero. After take-off, rows are True from the end of
+    the climb on. For a linear model, rows are usable only some seconds later (`unusable`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for k, m in masks.items() if k not in ("unread", "take_off")])
@@ -122,10 +122,14 @@ def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     return table, take_off
 
 
-def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows ``off``, and the rows after them in which ``roll`` (rad) falls."""
-    out = off.copy()
-    for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
+def _until_roll_rises(motors_off: np.ndarray, roll: np.ndarray) -> np.ndarray:
+    """Return (N,) bool: the rows with ``motors_off``, and those after them until ``roll`` rises.
+
+    ``motors_off`` (N,) bool marks the rows in which both motor voltages are zero. When the motors
+    start again, the arm falls on for some time.
+    """
+    out = motors_off.copy()
+    for end in np.flatnonzero(motors_off[:-1] & ~motors_off[1:]) + 1:
         k = int(end)
         while k < len(roll) - 1 and roll[k + 1] <= roll[k]:
             out[k] = True

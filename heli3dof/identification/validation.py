@@ -24,10 +24,11 @@ from heli3dof.model.estimation.filter_data import LOST, RowRange
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""s: time without a score at the start of a run of usable rows, in which the filter settles. The
-lead-in, usable rows directly before the run, shortens this time by its length."""
+"""s: at the start of a run (range of usable rows), the filter settles for this time. Predictions in
+this time have no score. If there are usable rows directly before the run, the filter starts in
+these, and the time is shorter by their length."""
 LEAD_IN_S = 10.0
-"""s: longest lead-in, usable rows before a run in which the filter settles"""
+"""s: longest time before a run (range of usable rows) in which the filter may settle"""
 AFTER_TAKE_OFF_S = 2.0
 """s: time after the first usable row of a flight from the table, without a replay score. A linear
 model does not describe the rise from −27.5° of roll, and its error must decay first."""
@@ -86,10 +87,12 @@ class Metrics:
 
 
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
-    """Return the score over pairs of measured and predicted angles (N, 3) rad.
+    """Return the fit (%) and RMSE over all pairs of measured and predicted angles (N, 3) rad.
 
-    Rows with a NaN are skipped, except on axes that are NaN throughout. Each pair has its own mean
-    ȳ in the fit (see the module). The fit is NaN if the measured angle is constant.
+    A row is skipped if a measured or predicted angle in it is NaN. This rule ignores an axis that
+    was not measured (NaN in every row); the score of such an axis is NaN. The fit (equation: see
+    the module) is computed with the mean ȳ of each pair. It is NaN for an axis whose measured angle
+    is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
@@ -162,8 +165,8 @@ def replays(
     """Return measured and replayed angles (N, 3) rad for each recording that has ``runs``.
 
     The replay is a closed-loop simulation of ``model`` with the recorded references and controller.
-    Only the rows of ``runs`` are returned; after a start from the table, without the first
-    `AFTER_TAKE_OFF_S` of usable rows.
+    Only the rows of ``runs`` (row ranges) are returned. If the rig was on its table during a
+    recording, its rows up to `AFTER_TAKE_OFF_S` s after the first usable row are left out.
     """
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)

@@ -1,9 +1,10 @@
 """Check that angles are in radians and on the grid of the profile's encoder.
 
-The grid has steps of 2π/N rad, with N counts per revolution. A log on another encoder's grid is
-bad data: the controller and the noise model of a diagnosis use the profile's steps. An angle on no
-grid may be filtered or simulated, which is a note. If ``encoder.counts`` finds that the angle is
-wrong by a factor, only that is reported: the right angle is on another grid.
+An encoder with N counts per revolution reads multiples of 2π/N rad, its grid. An angle on the grid
+of another encoder is bad data: the controller and the noise model of a diagnosis use the profile's
+steps. An angle on no grid may be filtered or simulated, which is a note. If the check
+``encoder.counts`` finds that the angle is wrong by a factor, this module does not report the grid:
+the corrected angle has another one.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from heli3dof.recording.logs import angle_units
 def angles(view: View) -> Iterable[Fault]:
     """Yield a fault for each angle in degrees, in counts, or too small by a factor π/180."""
     r, rows = view.recording, view.finite_rows
-    for i in _judged(view):
+    for i in _axes_to_check(view):
         axis, q = AXES[i], r.angle[rows, i]
         if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):
             counts = abs(int(getattr(r.profile.encoder, axis)))
@@ -50,9 +51,13 @@ def angles(view: View) -> Iterable[Fault]:
 
 
 def grids(view: View) -> Iterable[Fault]:
-    """Yield a note for each angle on no grid, and bad data for one on another encoder's."""
+    """Yield a fault for each angle that is not on the grid of the profile's encoder.
+
+    The grid of an encoder with N counts per revolution consists of the multiples of 2π/N rad. An
+    angle on the grid of another encoder is bad data. An angle on no grid is only a note.
+    """
     r = view.recording
-    for i in _judged(view):
+    for i in _axes_to_check(view):
         axis, q = AXES[i], r.angle[view.finite_rows, i]
         in_profile = int(getattr(r.profile.encoder, axis))
         counts = abs(in_profile)
@@ -77,11 +82,12 @@ def grids(view: View) -> Iterable[Fault]:
             )  # fmt: skip
 
 
-def _judged(view: View) -> list[int]:
-    """Return the measured axes to check; none in a recording of less than 20 complete rows.
+def _axes_to_check(view: View) -> list[int]:
+    """Return the indices of the axes of which `angles` and `grids` check unit and grid.
 
-    An axis with a few jumps is left out: they look like motion that no voltage explains. More than
-    `FEW` jumps may come from a wrong unit, so such an axis is checked.
+    The list is empty if fewer than 20 rows are complete. An axis with 1 to `FEW` jumps of its angle
+    is left out: the test of the unit would take these jumps for a wrong unit. An axis with more
+    jumps is checked, because a wrong unit may cause them.
     """
     if view.finite_rows.sum() < 20:
         return []

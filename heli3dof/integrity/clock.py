@@ -1,14 +1,16 @@
 """Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-Let m be the ratio of the stamps' period to the profile's. If |m − 1| > `OFF`, either the clock is
-wrong (bad data), or the log is decimated or repeats samples (a note). The clock is wrong if one of
-these holds:
+Let m be the sampling period of the time stamps, divided by the profile's control period. If
+|m − 1| > `OFF`, there are two possible causes. Either the time stamps are wrong, which is bad data.
+Or the log is decimated or repeats samples, which is only a note. The time stamps are wrong if one
+of these holds:
 
 - Neither m nor 1/m is nearly an integer.
-- The motion fits the profile's period better than that of the stamps: |ln g + 2 ln m| < |ln g|. g
-  is the median of the axes' responses to the voltages, as a multiple of the profile's
-  (`View.responses`). Accelerations scale with 1/time², so a wrong clock gives g = 1/m², a right one
-  g = 1.
+- The motion fits the profile's period better than the stamps' period: |ln g + 2 ln m| < |ln g|.
+
+`View.responses` gives the acceleration that the voltages cause on an axis, as a multiple of the
+profile's prediction. g is the median of these multiples over the axes. Accelerations scale with
+1/time². So g is about 1 with right time stamps, and about 1/m² with wrong ones.
 """
 
 from __future__ import annotations
@@ -62,15 +64,15 @@ def order(view: View) -> Iterable[Fault]:
 
 def rate(view: View) -> Iterable[Fault]:
     """Yield a fault if the rate of the time stamps differs from the profile's ``loop.rate_hz``."""
-    r = view.recording
-    m = view.ticks.period_s / r.profile.dt
+    r, rate_hz = view.recording, 1 / view.sampling_clock.period_s
+    m = view.sampling_clock.period_s / r.profile.dt
     if abs(m - 1) <= REPORTED_OFF:
         return
     sentence = (
-        f"{r.name}: the time stamps give {1 / view.ticks.period_s:.5g} Hz, the profile's "
+        f"{r.name}: the time stamps give {rate_hz:.5g} Hz, the profile's "
         f"loop.rate_hz is {r.profile.loop.rate_hz:.5g} Hz"
     )
-    fix = f"correct t_s, or set loop.rate_hz = {1 / view.ticks.period_s:.5g} in the profile"
+    fix = f"correct t_s, or set loop.rate_hz = {rate_hz:.5g} in the profile"
     whole = max(m, 1 / m)
     if abs(m - 1) <= OFF:
         yield Fault("clock.rate", Kind.NOTE, r.name,
@@ -90,7 +92,7 @@ def rate(view: View) -> Iterable[Fault]:
             + (" and are interpolated." if m > 1 else "."),
             "the log is decimated, or repeats samples.",
             "log every sample of the loop; if the loop is that slow, set loop.rate_hz = "
-            f"{1 / view.ticks.period_s:.5g} in the profile",
+            f"{rate_hz:.5g} in the profile",
         )  # fmt: skip
 
 
@@ -122,13 +124,16 @@ def device(view: View) -> Iterable[Fault]:
 
 
 def repeated(view: View) -> Iterable[Fault]:
-    """Yield a fault if over `REPEATED` of the tested rows repeat the row before.
+    """Yield a fault if more than the share `REPEATED` of the tested rows repeat the previous row.
 
-    A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
-    the `NEAR` rows around it. A repeated row has the angles of the row before, and all its
-    voltages: at the motors, of the controller, of the experiment. If device time and sequence
-    number were logged, they must also equal those of the row before. They distinguish a repeated
-    row from a new sample of a resting rig that a late command left at the same voltages.
+    A row is tested if its voltages are neither zero nor at the limit. The voltages must also change
+    in more than a tenth of the `NEAR` rows around the tested row.
+
+    A repeated row equals the previous row in all angles and all logged voltages. These are the
+    voltages at the motors, the controller's output, and the voltages that the experiment added. If
+    the log contains the device's time or the sample's sequence number, they must be equal, too.
+    Without them, a new sample can look like a repeated row: the rig rests, and the voltages stay
+    the same because the next command is late.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

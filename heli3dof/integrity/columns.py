@@ -1,30 +1,34 @@
 """Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
-**Motion.** `response` gives each axis' response g to the voltages (1: as the profile predicts) and
-the share R² of the motion that it explains. An axis is *driven* if the acceleration that the
-voltages cause (`Response.drive`) exceeds `DRIVEN`. An axis is
+**Motion.** `response` fits a model of the motion to each axis. It estimates the response g: the
+acceleration that the voltages cause, as a multiple of the profile's prediction. R² is the
+coefficient of determination of this fit. An axis is
 
-* *consistent* if |g| is within `RANGE`, g is `SURE` standard deviations from 0, R² > `EXPLAINED`;
+* *driven* if the predicted acceleration (`Response.drive`) exceeds `DRIVEN`;
+* *consistent* if |g| is within `RANGE`, |g| exceeds `SURE` standard deviations, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
-Axes *in question* are the inconsistent ones; if a voltage is constant, all driven ones. If there
-are any, the check swaps each pair of columns that may explain their motion. A swap is a candidate
-if it makes an axis in question consistent with a larger R², and if all axes that are then
-inconsistent were in question before. The agreement M of a log with the profile is a sum over the
-driven axes:
+The check searches for a swap that explains the motion of the inconsistent axes. If a voltage is
+constant, the swap may instead explain any driven axis. The check tries each pair of columns that
+can affect these axes. A swap becomes a candidate if both of these hold:
+
+* At least one of these axes becomes consistent, and its R² increases.
+* No other axis becomes inconsistent.
+
+M measures how well a log agrees with the profile. It is a sum over the driven axes:
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
-The candidate with the largest M is reported if both hold:
+The check reports the candidate with the largest M if both of these hold:
 
-* M with this swap minus M of the log as it is, is at least `BETTER`.
-* Without the swap, but with another sign of one voltage, M is not larger.
+* The swap increases M by at least `BETTER`.
+* A change of one voltage's sign, without the swap, does not give a larger M.
 
-**Grid.** Otherwise, an angle that is not on its encoder's grid and a reference that is on this grid
-are reported as swapped.
+**Grid.** Otherwise, the check uses the encoder's grid: the multiples of one count. It reports an
+angle and a reference as swapped if only the reference is on the grid of the angle's encoder.
 
-**References.** Otherwise, the references of the axes a and b are reported as swapped if axis a
-follows b's reference. ρ are correlations in flight:
+**References.** Otherwise, the check reports the references of two axes a and b as swapped if axis a
+follows the reference of b. ρ is the correlation of an angle and a reference in flight:
 
     ρ(a, ref_b) > `FOLLOWS`,   ρ(a, ref_a) < `IGNORES`,   ρ(b, ref_b) < `IGNORES`
 
@@ -36,6 +40,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -70,9 +75,17 @@ LEVELS = 8
 """Least number of distinct values of a reference on an encoder's grid"""
 
 
+class Swap(NamedTuple):
+    """Two columns that are swapped in a log (indices of `COLUMNS`), and the evidence as text."""
+
+    a: int
+    b: int
+    evidence: str
+
+
 def columns(view: View) -> Iterable[Fault]:
     """Yield a fault if two columns are swapped."""
-    swap = swap_by_motion(view) or _by_encoder(view) or _by_reference(view)
+    swap = swap_by_motion(view) or _swap_by_grid(view) or _swap_by_reference(view)
     if swap is None:
         return
     a, b, evidence = swap
@@ -88,12 +101,18 @@ def columns(view: View) -> Iterable[Fault]:
 
 
 def is_consistent(x: Response) -> bool:
-    """Return True if the response has a plausible size, is significant and explains the motion."""
+    """Return True if an axis' response to the voltages shows no swapped column.
+
+    The response must have a plausible size, be significant, and explain the motion.
+    """
     return _gain_in_range(x) and abs(x.t) > SURE and x.explained > EXPLAINED
 
 
 def inconsistent(responses: dict[str, Response]) -> set[str]:
-    """Return the driven axes whose motion does not fit the motion that the voltages predict."""
+    """Return the axes that the voltages drive, but whose motion the voltages do not explain.
+
+    ``responses``: {axis: its response to the voltages}.
+    """
     driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
     return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
 
@@ -103,28 +122,36 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement M of a log with the profile, a sum over the driven axes."""
+    """Return M, which measures how well a log agrees with the profile; it is at most 3.
+
+    M is the sum over the driven axes of R² exp(−½ (ln |g| / `USUAL`)²). An axis has the response g
+    to the voltages, as a multiple of the profile's. R² is the explained share of its motion.
+    """
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
     )
 
 
-def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes in question; ``T``: `_table`."""
+def axes_to_explain(view: View, T: np.ndarray) -> set[str]:
+    """Return the axes whose motion may show swapped columns: those that disagree with the profile.
+
+    If one of the voltages is constant, the function returns all axes that the voltages drive.
+    ``T``: the recording's columns as a table (`_table`).
+    """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
         return {a for a, x in view.responses.items() if x.drive > DRIVEN}
     return inconsistent(view.responses)
 
 
-def swap_by_motion(view: View) -> tuple[int, int, str] | None:
-    """Return (a, b, evidence) if a swap of the columns a and b explains the motion, else None."""
-    if not axes_in_question(view, _table(view.recording)):
+def swap_by_motion(view: View) -> Swap | None:
+    """Return the two columns whose swap explains the motion of the axes best; None without one."""
+    if not axes_to_explain(view, _table(view.recording)):
         return None
     view = View(block_means(view.recording))
     r, T = view.recording, _table(view.recording)
-    bad = axes_in_question(view, T)
+    bad = axes_to_explain(view, T)
     candidates: list[tuple[float, int, int, dict[str, Response], set[str]]] = []
     for a, b in _pairs(T, bad):
         other = View(_swapped(r, T, a, b)).responses
@@ -145,10 +172,11 @@ def swap_by_motion(view: View) -> tuple[int, int, str] | None:
         return None
     axis = next(x for x in AXES if x in right)
     was, now = view.responses[axis], other[axis]
-    return a, b, (
+    return Swap(
+        a, b,
         f"as logged, {axis}'s response to its voltages is {was.gain:+.2g} ± {was.std:.1g} times "
         f"the profile's (R² {was.explained:.2f}); swapped back, {now.gain:+.2g} ± {now.std:.1g} "
-        f"(R² {now.explained:.2f})"
+        f"(R² {now.explained:.2f})",
     )  # fmt: skip
 
 
@@ -172,7 +200,11 @@ def block_means(r: Recording) -> Recording:
 
 
 def _pairs(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
-    """Yield pairs of columns of table T whose swap may explain the inconsistent axes ``bad``."""
+    """Yield the pairs of columns whose swap may explain the motion of the axes ``bad``.
+
+    Each pair contains a voltage, or the angle of an axis in ``bad``. A column is given as its index
+    in the table ``T`` (`_table`).
+    """
     present = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
     for a, b in combinations(present, 2):
         moves = np.nanmax(T[:, b]) > np.nanmin(T[:, b]) or b not in REFERENCE
@@ -185,8 +217,11 @@ def _names(*columns: int) -> set[str]:
     return {AXES[c] for c in columns if c in ANGLE}
 
 
-def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """Return angle, reference and evidence if only the reference is on the encoder's grid."""
+def _swap_by_grid(view: View) -> Swap | None:
+    """Return a swap of an angle and a reference if only the reference consists of whole counts.
+
+    The counts are those of the angle's encoder. The result is None if there is no such pair.
+    """
     r, rows = view.recording, view.finite_rows
     if rows.sum() < 100:
         return None
@@ -197,14 +232,16 @@ def _by_encoder(view: View) -> tuple[int, int, str] | None:
         for j, axis in enumerate(AXES):
             ref = r.reference[rows, j]
             if np.isfinite(ref).all() and on_grid(ref, step, levels=LEVELS):
-                return i, 5 + j, (
+                return Swap(
+                    i, 5 + j,
                     f"{AXES[i]} is not on its encoder's grid, but {axis}'s reference has the "
-                    f"encoder's steps of {np.degrees(step):.3g}°"
+                    f"encoder's steps of {np.degrees(step):.3g}°",
                 )  # fmt: skip
     return None
 
 
-def _by_reference(view: View) -> tuple[int, int, str] | None:
+def _swap_by_reference(view: View) -> Swap | None:
+    """Return a swap of two references if one axis follows the reference of another, else None."""
     r, rows = view.recording, view.flying
     both = [i for i in view.measured if np.isfinite(r.reference[rows, i]).all()]
     if rows.sum() < 100:
@@ -218,9 +255,10 @@ def _by_reference(view: View) -> tuple[int, int, str] | None:
     for a, b in ((a, b) for a in both for b in both if a != b):
         if rho[a, b] > FOLLOWS and max(rho[a, a], rho[b, b]) < IGNORES:
             first, last = sorted((a, b))
-            return 5 + first, 5 + last, (
+            return Swap(
+                5 + first, 5 + last,
                 f"{AXES[a]} follows {AXES[b]}'s reference (correlation {rho[a, b]:.2f}), not its "
-                f"own ({rho[a, a]:.2f})"
+                f"own ({rho[a, a]:.2f})",
             )  # fmt: skip
     return None
 

@@ -2,7 +2,7 @@
 
 The front and back voltages have the sum S and the difference D. The profile predicts accelerations
 u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured accelerations are g u,
-with g = 1 on a rig like its profile (`response`). h is the ratio of the hover voltage to the
+with g = 1 on a rig like its profile (`response`). h is the hover voltage in flight, divided by the
 profile's V_o (`View.hover_ratio`).
 
     roll's sign wrong        g_r < 0
@@ -12,10 +12,12 @@ profile's V_o (`View.hover_ratio`).
     voltages' sign wrong     h < −0.3, and g_r < 0 or g_p < 0 (−g then replaces g in the rows above)
     V_o's sign wrong         h < −0.3, and neither g_r nor g_p is negative
 
-The sign of g is known if |g| exceeds `SURE` standard deviations and g explains the share
-`EXPLAINED` of the motion. The voltages must also cause accelerations of at least `DRIVE`. If a sign
-is unknown, the fault names both possible causes. Roll's sign is also wrong if roll sinks into the
-table.
+The sign of g is *known* if |g| exceeds `SURE` standard deviations, R² of the estimate is at least
+`EXPLAINED`, and the voltages cause accelerations of at least `DRIVE`. If g_p is negative and the
+sign of g_ψ is unknown, two rows of the table fit, and the fault names both causes. The same applies
+if g_ψ is negative and the sign of g_p is unknown.
+
+Roll's sign is also wrong if the arm starts on the table and roll falls by more than `SINKS`.
 """
 
 from __future__ import annotations
@@ -41,7 +43,10 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign (±1) of an axis' response to the voltages; 0 if small or uncertain."""
+    """Return the sign (±1) of an axis' response to the voltages; 0 if the estimate is uncertain.
+
+    The constants `SURE`, `EXPLAINED` and `DRIVE` state the limits of a certain estimate.
+    """
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
     return int(np.sign(response.t)) if abs(response.t) > SURE else 0

@@ -1,8 +1,8 @@
 """Report ``timing.gaps``: lost samples, and rows with a value that is not finite.
 
 A gap of `HOLE_S` or more is a hole. The check reports holes in a separate note, and does not count
-their samples as lost. Outside the holes, n samples were due (`View.ticks`). n_i of them are lost in
-gap i, and u have a value that is not finite.
+their samples as lost. Outside the holes, n samples were due (`View.sampling_clock`). n_i of them
+are lost in gap i, and u have a value that is not finite.
 
     lost_share = (Σ n_i + u)/n
 
@@ -39,7 +39,7 @@ def gaps(view: View) -> Iterable[Fault]:
     r = view.recording
     if len(r) < 20 or not (np.diff(r.t) > 0).all():
         return
-    missing, holes = view.ticks.missing, np.diff(r.t) >= HOLE_S
+    missing, holes = view.sampling_clock.missing, np.diff(r.t) >= HOLE_S
     if holes.any():
         each = (f"from {r.t[k]:.1f} to {r.t[k + 1]:.1f} s" for k in np.flatnonzero(holes))
         yield Fault(
@@ -53,10 +53,10 @@ def gaps(view: View) -> Iterable[Fault]:
     logged = columns[:, np.isfinite(columns).any(axis=0)]
     incomplete = int((~np.isfinite(logged)).any(axis=1).sum())
     in_holes = int(missing[holes].sum())
-    lost = view.ticks.lost - in_holes + incomplete
+    lost = view.sampling_clock.lost - in_holes + incomplete
     if lost <= 0:
         return
-    expected = int(view.ticks.number[-1]) + 1 - in_holes
+    expected = int(view.sampling_clock.number[-1]) + 1 - in_holes
     share = lost / expected
     std = float(np.sqrt(sum(n * n for n in sizes) + incomplete)) / expected
     kind = Kind.FINDING if share >= SHARE and lost >= LEAST else Kind.NOTE

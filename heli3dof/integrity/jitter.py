@@ -34,7 +34,7 @@ def jitter(view: View) -> Iterable[Fault]:
     r = view.recording
     if len(r) < 20 or not (np.diff(r.t) > 0).all() or view.held_axes:
         return
-    stamps_s, std = view.ticks.jitter_s, view.ticks.jitter_std_s
+    stamps_s, std = view.sampling_clock.jitter_s, view.sampling_clock.jitter_std_s
     sampled = sampling_times(r)
     if sampled is not r:
         yield Fault(

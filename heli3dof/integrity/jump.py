@@ -1,12 +1,14 @@
 """Report a change of many counts within one sample, faster than any arm can move.
 
-With angles q_k and sample numbers n_k (lost samples included), let Δ_k = n_k − n_{k−1} and
-d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. Step k is a jump if
+Row k has the angle q_k and the sample number n_k, which also counts lost samples. Let
+Δ_k = n_k − n_{k−1} and d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. dt is the
+sampling period in s. Step k is a jump if
 
     min(|d_k − d̄_k|, |d_k|) Δ_k > max(`COUNTS` counts, `ANGLE`, `RATE` Δ_k dt)
 
 An impact changes the rate by 150°/s at most; at 500 Hz, |d_k − d̄_k| is then a tenth of `ANGLE`. If
-the axis was on one count for `STOOD_S` before, the encoder was frozen or its counter was reset.
+the angle was constant for `STOOD_S` before the jump, the encoder was frozen or its counter was
+reset.
 """
 
 from __future__ import annotations
@@ -34,13 +36,16 @@ STOOD_S = 0.4
 
 
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps' deviations min(|d − d̄|, |d|) Δ (N − 1,) in rad, and the jumps' indices.
+    """Return the deviation of each step (N − 1,) in rad, and the indices of the jumps among them.
 
-    A step is the change of the angle of axis ``i`` (0 to 2) between two rows.
+    ``i``: index of the axis, 0 to 2. A step is the change of the angle from one row to the next. It
+    spans Δ sampling periods, and the change per period is d. d̄ is the mean d of the two steps next
+    to it. The deviation is min(|d − d̄|, |d|) Δ. A jump is a step whose deviation exceeds the limit
+    in the module's docstring.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])
-    n = np.maximum(np.diff(view.ticks.number), 1)
+    n = np.maximum(np.diff(view.sampling_clock.number), 1)
     d = np.where(np.isfinite(change), change, 0.0) / n
     if len(d) < 5:
         return np.zeros_like(d), np.empty(0, dtype=np.int64)

@@ -17,10 +17,12 @@ def is_log(recording: Recording) -> bool:
 
 
 def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
-    """Return the column of an imported log for ``quantity``, and the expression that computed it.
+    """Return the column that contains ``quantity``, and how import computed it from the log.
 
-    The expression of a column that was not mapped is its name. ``quantity``: ``roll``, ``pitch`` or
-    ``yaw`` (in the unit of the log's mapping, or else degrees), ``v_front_V`` or ``v_back_V``.
+    The second value is an expression of the log's columns, such as ``-x[3]``. If import copied the
+    column unchanged, it is the column's name. ``quantity``: ``roll``, ``pitch``, ``yaw``,
+    ``v_front_V`` or ``v_back_V``. An angle's column has the unit of the log's mapping, or degrees
+    without a mapping.
     """
     mapping = recording.meta.get("log_mapping") or {}
     names = [f"{quantity}_rad", f"{quantity}_deg", quantity]
@@ -32,19 +34,21 @@ def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
 
 
 def log_remedy(recording: Recording, quantity: str, form: str) -> str:
-    """Return the ``--map`` option of an imported log that corrects ``quantity`` (`column_of`).
+    """Return the advice to import the log again with a ``--map`` option that corrects ``quantity``.
 
-    ``form``: the right value, with ``{}`` for the logged one, such as ``-{}``.
+    ``quantity``: as in `column_of`. ``form``: expression of the correct value, in which ``{}``
+    stands for the logged value. For example, ``-{}`` changes the sign.
     """
     column, logged = column_of(recording, quantity)
     return f"import the log with {as_options({column: form.format(operand(logged))})}"
 
 
 def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) -> str:
-    """Return how to correct an angle: ``form`` for a log, ``in_profile`` for a recorded flight.
+    """Return how to correct an angle: a new import of a log, or a change of the profile.
 
-    ``form``: the right value, with ``{}`` for the logged one, such as ``-{}``. ``in_profile``: a
-    setting of the profile, such as ``encoder.yaw = -8192``.
+    ``form``, for a log: expression of the correct angle, in which ``{}`` stands for the logged
+    angle. For example, ``-{}`` changes the sign. ``in_profile``, for a flight that heli3dof
+    recorded: a setting of the profile, such as ``encoder.yaw = -8192``.
     """
     if is_log(recording):
         return log_remedy(recording, axis, form)
@@ -52,10 +56,10 @@ def angle_remedy(recording: Recording, axis: str, form: str, in_profile: str) ->
 
 
 def voltage_remedy(recording: Recording, front: str = "{f}", back: str = "{b}") -> str:
-    """Return how to compute the motors' voltages: ``--map`` options for a log.
+    """Return how to correct the motors' voltages; for a log, this is a new import with ``--map``.
 
-    ``front``, ``back``: expressions with ``{f}`` and ``{b}`` for the recorded voltages; the default
-    leaves a voltage as it is.
+    ``front``, ``back``: expressions of the correct voltages, in which ``{f}`` and ``{b}`` stand for
+    the recorded front and back voltage. The defaults leave a voltage unchanged.
     """
     (f_column, f), (b_column, b) = (column_of(recording, f"v_{m}_V") for m in MOTORS)
     recorded = {"f": operand(f), "b": operand(b)}

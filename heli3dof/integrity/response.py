@@ -1,4 +1,4 @@
-"""Estimate an axis's response to the voltages as a multiple g of the profile's, in weak form.
+"""Estimate an axis' response to the voltages as a multiple g of the profile's, in weak form.
 
 With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (front, back; V), arm lengths L (m),
 thrust gain K_f (N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations
@@ -16,11 +16,16 @@ integrated by parts, so that only φ is differentiated:
 
     ∫ φ̈ q = g ∫ φ u + g τ ∫ φ̇ u + Σ c_j ∫ φ x_j + b ∫ φ̇ q
 
-Each window gives one equation. Ridge regression estimates g, with weak priors on g τ, c_j and b: in
-closed loop D is nearly proportional to p and ṗ, like a spring and a damper. A mass added in flight
-is a step of x_1. The best step becomes a regressor if it explains more than the share `STEP` of the
-residual sum of squares. Feedback biases g only through noise, towards zero. The standard deviation
-allows for overlapping windows and coloured noise (Newey and West).
+Each window gives one equation. Ridge regression estimates g, with weak priors on g τ, c_j and b. It
+needs the priors in closed loop: there, D is nearly proportional to p and ṗ, so the term g u is
+nearly collinear with a spring and a damper.
+
+A mass that is added in flight changes c_1 at one instant. The regression then needs one more
+regressor: ∫ φ x_1 after this instant, and zero before it. The instant that explains most is used,
+if this regressor explains more than the share `STEP` of the residual sum of squares.
+
+Feedback biases g only through noise, towards zero. The standard deviation of g allows for
+overlapping windows and coloured noise (Newey and West).
 """
 
 from __future__ import annotations
@@ -39,7 +44,8 @@ PER_WIDTH = 2
 """Windows per half width."""
 LEAST_WINDOWS = 8
 STEP, STEP_EVERY_S, STEP_INSIDE_S = 0.5, 1.0, 3.0
-"""Least explained share of a step; s: interval of the steps tried, least distance from the ends."""
+"""Least share of the residual that a step of c_1 explains; s: interval between the instants tried;
+s: least distance of these instants from the recording's ends"""
 LAGS = 8
 """Largest lag, in windows, of the Newey-West estimate."""
 PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
@@ -48,10 +54,12 @@ PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
 
 @dataclass(frozen=True)
 class Response:
-    """The response of an axis to the voltages, as a multiple g of that on the profile's rig."""
+    """An axis' response to the voltages: its acceleration as a multiple g of the profile's."""
 
     gain: float
+    """g"""
     std: float
+    """Standard deviation of g"""
     explained: float
     """R² of the regression: share of the variance of ∫ φ̈ q that the model explains"""
     drive: float
@@ -90,14 +98,14 @@ def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Pro
 
 
 def responses(
-    recording: Recording, free: np.ndarray, number: np.ndarray, period_s: float
+    recording: Recording, usable: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Return {axis: its response to the voltages}, from windows in which all rows are usable.
+    """Return {axis: its response to the voltages}, from time windows in which all rows are usable.
 
-    ``free`` (N,) bool: usable rows; ``number`` (N,): the samples' numbers; lost samples count, too.
-    Axes that no voltage drives are left out.
+    ``usable`` (N,) bool: the usable rows; ``number`` (N,): each row's sample number, which also
+    counts lost samples; ``period_s``: sampling period. Axes that no voltage drives are left out.
     """
-    angle, voltage, ok = _evenly_sampled(recording, free, number)
+    angle, voltage, ok = _evenly_sampled(recording, usable, number)
     u = predicted_accelerations(angle, voltage, recording.profile)
     r, p, y = angle.T
     one = np.ones(len(r))
@@ -132,27 +140,30 @@ def responses(
 
 
 def _evenly_sampled(
-    recording: Recording, free: np.ndarray, number: np.ndarray
+    recording: Recording, usable: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return angles, voltages and ``free`` with a row also for each lost sample; NaN becomes 0.
+    """Return the angles, the voltages, and which rows are usable, after insertion of lost samples.
 
-    The voltage of row k is the mean of those at k − 1 and k: the loop holds each for one period.
+    ``usable`` (N,) bool: usable rows; ``number`` (N,): each row's sample number, which also counts
+    lost samples. The angles of a lost sample are interpolated; its other values are those of the
+    sample before it. NaN becomes 0. The control loop holds each voltage from one sample to the
+    next, so two voltages act next to sample k. The voltage returned for row k is their mean.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
         all_n = np.arange(int(number[-1]) + 1)
         angle = np.column_stack([np.interp(all_n, number, a) for a in angle.T])
         last = np.searchsorted(number, all_n, side="right") - 1
-        voltage, free = voltage[last], free[last]
+        voltage, usable = voltage[last], usable[last]
     held = voltage.copy()
     held[1:] = 0.5 * (voltage[1:] + voltage[:-1])
-    return angle, held, free
+    return angle, held, usable
 
 
 class _Windows:
-    """Integrals ∫ x φ dt of a signal x over each time window, or the same with φ̇ or φ̈.
+    """Computes the integral of x φ, x φ̇ or x φ̈ over each time window, for a signal x.
 
-    φ: test function, zero outside the window. x has n samples, ``dt`` s apart.
+    φ: test function of the weak form, zero outside the window. x has n samples, ``dt`` s apart.
     """
 
     def __init__(self, n: int, dt: float) -> None:
@@ -179,11 +190,11 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return regressors X (W, n) of z (W,), with a step of the trim torque if it is significant.
+    """Return the regressors X (W, n) of z (W,), and one more if the trim torque changes in flight.
 
-    The best step must explain more than the share `STEP` of the residual sum of squares.
-    W is the number of windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the windows'
-    middles, s.
+    W is the number of time windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the
+    windows' middles, s. The further regressor is ``trim`` after the instant of the change, zero
+    before it. It is added if it explains more than the share `STEP` of the residual sum of squares.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):

@@ -1,33 +1,39 @@
 """Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
 
-Let encoder i read k_i times its angle, and let the thrust be K times the profile's. Then the axes'
-responses to the voltages are multiples g of the profile's:
+`response` estimates each axis' response g to the voltages: its measured acceleration as a multiple
+of the profile's prediction. Let encoder i read k_i times the true angle, and let the thrust be K
+times the profile's. Then roll r, pitch p and yaw ψ have the responses
 
-    g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p    (pitch p drives yaw)
+    g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p
 
-**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. h is the ratio of
-the hover voltage to the profile's. The check compares each k with k = 1 by the following χ², in
-which k_ψ/k_p replaces k_ψ:
+g_ψ depends on k_p, because the pitch angle tilts the thrust, which drives yaw.
 
-    χ² = min_K Σ_i (ln g_i − ln(K k_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
+**Counts.** A decoder counts one, two or four edges of each encoder line. So a wrong number of edges
+gives k = 2, 4, ½ or ¼ on one axis. The check computes χ² for each of these hypotheses, and for
+k = 1 on all axes. In χ², c_i is k_r, k_p or k_ψ/k_p. h is the hover voltage in flight, divided by
+the profile's.
+
+    χ² = min_K Σ_i (ln g_i − ln(K c_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
 
 σ = `SCATTER` allows for lag, friction and inertia; σ_K = `SPREAD` allows for thrust gain and
 counterweight.
 
-* Roll is in every equation, so its k is tested with roll divided by k and all responses recomputed.
-* Yaw's k is tested only with the response of another axis: J_roll and J_yaw come from the same
-  masses. Pitch's k is tested only with yaw's response: alone, it may be friction, backlash or
-  inertia.
-* The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN`. Half of
-  `MARGIN` is enough if the angle has only every k-th count.
-* If the angle has all counts, k = 2 may also be half the inertia, and k = ½ twice the inertia: the
-  check yields a note. Otherwise it yields bad data.
+* The roll angle enters the equations of all axes. To test roll's k, the check therefore divides
+  roll by k and estimates all responses again.
+* Yaw's k is tested only if the response of another axis is reliable. J_roll and J_yaw come from the
+  same masses, so wrong masses change the responses of roll and yaw alike.
+* Pitch's k is tested only if yaw's response is reliable. Friction, backlash or another inertia can
+  change pitch's response alone.
+* The best hypothesis is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN`. Half
+  of `MARGIN` is enough if the logged angle takes only every k-th count of the encoder.
+* If the logged angle takes all counts, k = 2 has the same effect as half the inertia, and k = ½ the
+  same as twice the inertia. The check then yields a note, in all other cases bad data.
 
-**Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. The
+**Amplifier.** If the motors get K times the logged voltages, g = K on every axis, and h = 1/K. The
 check yields bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does
 not. Smaller deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V); the
-diagnosis reports them as ``motor.thrust_gain``. h = 3 with responses of 1 shows another
-counterweight (``mass.imbalance``).
+diagnosis reports them as ``motor.thrust_gain``. h = 3 with g = 1 shows another counterweight
+(``mass.imbalance``).
 """
 
 from __future__ import annotations
@@ -60,7 +66,14 @@ SWITCH = 0.25
 
 
 def reliable(responses: dict[str, Response]) -> dict[str, Response]:
-    """Return the responses that are positive and precise and explain a driven axis' motion."""
+    """Return those of the ``responses`` that are reliable estimates.
+
+    ``responses``: {axis: its response g to the voltages}. It is reliable if all of these hold:
+
+    * g is positive, and its standard deviation is below `PRECISE` g.
+    * R² of the estimate (`Response.explained`) exceeds `GOOD`.
+    * The predicted acceleration of the axis (`Response.drive`) exceeds its limit in `DRIVEN`.
+    """
     return {
         a: x
         for a, x in responses.items()
@@ -72,10 +85,11 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ²: how badly encoder factors k explain the axes' responses g to the voltages.
+    """Return χ²: the misfit of assumed encoder factors k to the axes' responses g to the voltages.
 
-    ``log_g``: {axis: ln g}; ``log_k``: {axis: ln k}; ``h``: hover voltage over the profile's, None
-    if unknown. The module's docstring gives the equation.
+    ``log_g``: {axis: ln g}; ``log_k``: {axis: ln k}, 0 for an axis that is not listed. ``h``: hover
+    voltage in flight, divided by the profile's; None if unknown. The module's docstring gives the
+    equation.
     """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:
@@ -92,7 +106,7 @@ def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = N
 def counts(view: View) -> Iterable[Fault]:
     r = view.recording
     good = reliable(view.responses)
-    if not good or _amplifier(view) is not None:
+    if not good or _gain_and_hover(view) is not None:
         return
     no_factor = misfit(_logs(good), {}, view.hover_ratio)
     if no_factor < NO_FACTOR and "roll" in good:
@@ -119,7 +133,7 @@ def counts(view: View) -> Iterable[Fault]:
     coarser = fitted is not None and abs(abs(n) / fitted - k) < 1e-6
     if best > FITS or chi2s[others[0]][0] - best < MARGIN * (0.5 if coarser else 1.0):
         return
-    scale = _scale_of(axis, k, responses)
+    scale = _encoder_factor(axis, k, responses)
     # Without a response of pitch, k of yaw and 1/k of pitch are confounded: sin p drives yaw.
     confounded = axis == "yaw" and "pitch" in r.axes and "pitch" not in good
     inertia = k in (0.5, 2.0) and not coarser and not confounded
@@ -144,22 +158,23 @@ def _logs(responses: dict[str, Response]) -> dict[str, float]:
 
 
 def _roll_divided(view: View, k: float) -> View:
-    """Return a view of the recording in which roll's change since the start is divided by k."""
+    """Return a view of the recording in which roll's change since the start is divided by ``k``."""
     r = view.recording
     angle = r.angle.copy()
     rest = float(np.median(angle[view.finite_rows, ROLL][:5]))
     angle[:, ROLL] = rest + (angle[:, ROLL] - rest) / k
     divided = View(replace(r, angle=angle))
-    divided.ticks = view.ticks  # the same time stamps
+    divided.sampling_clock = view.sampling_clock  # the same time stamps
     return divided
 
 
-def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
-    """Return the encoder factor (reading over angle) of ``axis`` and its standard deviation.
+def _encoder_factor(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
+    """Return the ratio of reading to true angle of an axis' encoder, and its standard deviation.
 
-    The factor is the axis' response divided by the geometric mean of the other axes' responses; for
-    pitch, the mean leaves out yaw. For roll, the factor is multiplied by k, because ``responses``
-    belong to roll angles divided by k (`_roll_divided`).
+    ``responses``: the axes' responses to the voltages. The ratio is the response of ``axis``,
+    divided by the geometric mean of the other responses. For pitch, this mean leaves out yaw,
+    because a wrong pitch angle changes yaw's response. For roll, ``responses`` were estimated after
+    roll had been divided by ``k`` (`_roll_divided`), so the ratio is multiplied by ``k``.
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
@@ -170,8 +185,12 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
     return float(scale), float(scale * SCATTER / np.sqrt(len(others)))
 
 
-def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return (K, h) if the amplifier's gain is wrong, else None; K: the axes' median response."""
+def _gain_and_hover(view: View) -> tuple[float, float] | None:
+    """Return (K, h) if the amplifier's gain is wrong, else None.
+
+    K: median over the axes of the measured acceleration divided by the profile's prediction. h:
+    hover voltage in flight, divided by the profile's.
+    """
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:
@@ -182,7 +201,7 @@ def _amplifier(view: View) -> tuple[float, float] | None:
 
 
 def amplifier(view: View) -> Iterable[Fault]:
-    r, gain_and_hover = view.recording, _amplifier(view)
+    r, gain_and_hover = view.recording, _gain_and_hover(view)
     if gain_and_hover is None:
         return
     K, h = gain_and_hover

@@ -12,7 +12,7 @@ from heli3dof.identification.row_selection import clipped, unusable
 from heli3dof.integrity.response import Response, responses
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.logs.held_angles import held_axes
-from heli3dof.recording.logs.sampling_clock import Ticks, ticks
+from heli3dof.recording.logs.sampling_clock import SamplingClock, estimate_clock
 from heli3dof.recording.recording import Recording
 
 GROUNDED = ("unread", "table", "stop", "motors_off", "falling", "ramp_down")
@@ -48,12 +48,12 @@ class View:
         return corrected(self.recording)
 
     @cached_property
-    def ticks(self) -> Ticks:
-        return ticks(self.recording.t)
+    def sampling_clock(self) -> SamplingClock:
+        return estimate_clock(self.recording.t)
 
     @cached_property
     def held_axes(self) -> dict[str, float]:
-        """Return {axis: m} for the axes whose readings the log holds for m rows."""
+        """Return {axis: m} for each axis whose encoder readings the log repeats in m > 1 rows."""
         return held_axes(self.recording.angle, self.recording.profile.encoder.rad_per_count)
 
     @cached_property
@@ -107,4 +107,5 @@ class View:
 
         ``recording`` is a copy of the view's recording with other voltages.
         """
-        return responses(recording, self.airborne, self.ticks.number, self.ticks.period_s)
+        clock = self.sampling_clock
+        return responses(recording, self.airborne, clock.number, clock.period_s)

@@ -6,22 +6,25 @@ Voltages beyond the amplifier's limit ±v_max have one of two causes:
   `heli3dof.recording.logs.corrections` limits.
 * v_max in the profile is too low, and the motors received these voltages.
 
-If more than the share `DIFFERS` of the rows is beyond the limit, the motion decides
-(`explains_better`). The first cause is assumed if fewer rows are, or if the motion does not decide.
+If more than the share `DIFFERS` of the rows is beyond the limit, the check examines the motion. It
+assumes the second cause if the logged voltages explain the motion better than the limited voltages
+(`explains_better`). In all other cases it assumes the first cause.
 
-The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
-differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, one of
-them has the wrong sign, or the hover voltage was subtracted.
+h is the hover voltage in flight, divided by the profile's V_o (`View.hover_ratio`). It is 0.5 … 2
+even on rigs that differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have
+another unit, one of them has the wrong sign, or the hover voltage was subtracted.
 
-**Hover voltage subtracted.** The propellers of an arm in the air push one way, so voltages around
-zero lack their mean. Let g be the response of an axis to the voltages, as a multiple of the
-profile's (`response`), and K the median g of roll and pitch. Roll and pitch respond to changes of
-the voltages, so K does not depend on a subtracted mean. The mean shows in two ways:
+**Hover voltage subtracted.** In flight, the propellers carry the arm, so the motors' voltages have
+a mean near V_o. If a program logs deviations from hover, its voltages lack this mean. Let g be the
+response of an axis to the voltages: its acceleration as a multiple of the profile's prediction
+(`response`). K is the median g of roll and pitch. These axes respond to changes of the voltages, so
+K does not depend on a subtracted mean. Two tests detect that V_o was subtracted:
 
-* Yaw's torque is sin p times the voltage sum. With V_o added to both voltages, yaw's g is K if V_o
-  was subtracted, and K h/(1 + h) < K/4 if not. The limit is K/2, for |h| < `NEAR_ZERO`.
-* If yaw moves too little and |h| < `ANOTHER_UNIT`, K decides: it is 1 if V_o was subtracted, and
-  1/h with another unit, because the thrust carries the weight. The limit is 1/√|h|.
+* Yaw's torque is proportional to sin p (pitch p) times the voltage sum. If |h| < `NEAR_ZERO`, the
+  check adds V_o to both voltages and then estimates yaw's g. V_o was subtracted if g > K/2. The
+  expected g is K if V_o was subtracted, and K h/(1 + h) < K/4 if not.
+* If yaw moves too little and |h| < `ANOTHER_UNIT`, V_o was subtracted if K < 1/√|h|. The expected K
+  is 1 if V_o was subtracted. With another unit it is 1/h, because the thrust carries the weight.
 """
 
 from __future__ import annotations
@@ -113,11 +116,13 @@ def limit(view: View) -> Iterable[Fault]:
 
 
 def explains_better(a: dict[str, Response], b: dict[str, Response]) -> bool:
-    """Return True if the voltages of the responses ``a`` explain the motion better than those of b.
+    """Return True if the voltages behind ``a`` explain the motion better than those behind ``b``.
 
-    ρ is an axis' unexplained share 1 − R² in ``a`` over that in ``b`` (R²: `Response.explained`).
-    The product of ρ over the axes must be below `BETTER`, and the largest ρ below `WORSE`. An axis
-    without a response has the unexplained share 1.
+    ``a`` and ``b`` contain each axis' response, estimated from one of two versions of the voltages.
+    1 − R² is the share of the motion that a response does not explain (R²: `Response.explained`).
+    An axis without a response has the share 1. ρ is an axis' share in ``a``, divided by its share
+    in ``b``. The product of ρ over the axes must be below `BETTER`, and the largest ρ below
+    `WORSE`.
     """
     ratios = [_unexplained(a.get(axis)) / _unexplained(b.get(axis)) for axis in {*a, *b}]
     return float(np.prod(ratios)) < BETTER and max(ratios, default=0.0) < WORSE
@@ -173,7 +178,11 @@ def unit(view: View) -> Iterable[Fault]:
 
 
 def _is_subtracted(view: View, h: float) -> bool:
-    """Return True if the hover voltage was subtracted from the logged voltages (see the module)."""
+    """Return True if the logged voltages are deviations from the hover voltage.
+
+    ``h``: mean voltage in flight, divided by the profile's hover voltage. The module's docstring
+    explains the two tests.
+    """
     r = view.recording
     known = [x for a, x in view.responses.items() if a != "yaw" and _is_reliable(x)]
     if not known:

@@ -26,10 +26,12 @@ LEAST = 0.25
 
 
 def amplifier_warnings(recording: Recording) -> list[str]:
-    """Return a warning for each motor with a ratio that deviates by more than `LARGEST_ERROR`.
+    """Return a warning for each motor whose output voltage differs from the commanded voltage.
 
-    The warning states the ratio farthest from 1. Samples with the flag SATURATED do not count. An
-    imported recording has no commanded voltages and gives no warning.
+    For each second in closed loop, the function divides the mean output voltage by the mean
+    commanded voltage. It warns if a ratio differs from 1 by more than `LARGEST_ERROR`, and states
+    the ratio farthest from 1. Samples with the flag SATURATED do not count. A recording without
+    commanded voltages, such as an imported log, gives no warning.
     """
     channels, profile = recording.channels, recording.profile
     warnings = []

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.recording.logs.sampling_clock import ticks
+from heli3dof.recording.logs.sampling_clock import estimate_clock
 from heli3dof.recording.recording import Recording
 
 GAP = 1.5
@@ -28,7 +28,7 @@ def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarr
     samples is returned unchanged.
     """
     dt, own = recording.dt, np.arange(len(recording))
-    n = ticks(recording.t).missing
+    n = estimate_clock(recording.t).missing
     n[np.diff(recording.t) > longest * dt] = 0
     if not n.any():
         return recording, own

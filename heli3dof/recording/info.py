@@ -50,7 +50,10 @@ def file_info(
 def read_with_info(
     path: str | Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> tuple[Recording, dict[str, Any]]:
-    """Return the recording in a file, or its intact part, and its `file_info`."""
+    """Return the recording in a file, and the `file_info` of this file.
+
+    If the file is damaged, the recording is its intact part.
+    """
     path = Path(path)
     salvaged = _salvaged(path, profile) if importer_of(path) is None else None
     about: dict[str, Any] = {
@@ -67,9 +70,9 @@ def read_with_info(
 
 
 def _salvaged(path: Path, profile: Profile | None) -> tuple[Recording, RecordingError] | None:
-    """Return the intact part of a recording with missing or unreadable bytes, and its error.
+    """Return the intact part of a damaged recording, and an error that describes the damage.
 
-    The result is None if the file has all its records, or no sample is left.
+    The result is None if the file is not damaged, or if it contains no intact sample.
     """
     content = open_mcap(path)
     error = broken(path, content)

@@ -1,7 +1,7 @@
 """`link_warnings`: warns of a poor link between this computer and the rig.
 
-The recording contains the link's counters and latency, so ``heli3dof info`` can repeat the warnings
-that end a flight's output.
+After a flight, ``heli3dof run`` prints these warnings. The recording contains the link's counters
+and latency, so ``heli3dof info`` can print the warnings again.
 """
 
 from __future__ import annotations

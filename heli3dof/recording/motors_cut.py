@@ -17,10 +17,10 @@ LEAST_S = 0.2
 
 
 def motors_cut_warnings(recording: Recording) -> list[str]:
-    """Return a warning if the motors went to zero in flight and stayed there until the end.
+    """Return a list with a warning if the motors went to zero in flight, until the log's end.
 
-    The warning states when, and where roll came to rest. The list is empty if the recording
-    contains an outcome, or no roll.
+    The warning states the time of the cut, and the roll angle at which the arm came to rest. The
+    list is empty if the recording states how the flight ended (its outcome), or has no roll angle.
     """
     r = recording
     if "outcome" in r.meta or "roll" not in r.axes:

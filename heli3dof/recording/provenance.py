@@ -73,11 +73,12 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 
 def profile_file(recordings: Sequence[Recording]) -> str | None:
-    """Return the profile's file to name in the command for a further flight of the same rig.
+    """Return the path of the recordings' profile, for a command that flies the same rig again.
 
-    The result is None if the recordings have the default profile, so that no file is needed. Limits
-    are not compared for this, because other versions have other default limits. If the file is
-    unknown, or differs between the recordings, the result is the placeholder ``PROFILE.toml``.
+    The result is None if the recordings have the default profile, which the command uses without
+    ``--profile``. The comparison with the default profile leaves out the limits, because default
+    limits differ between versions of heli3dof. The result is the placeholder ``PROFILE.toml`` if
+    the path is unknown, or differs between the recordings.
     """
     default = default_profile()
     same_limits = {"limits": default.limits}

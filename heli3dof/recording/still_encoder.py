@@ -2,8 +2,8 @@
 
 Either dry friction held the axis, or its encoder is frozen; the recording cannot distinguish the
 two. Dry friction of 0.05 N·m holds the emulated rig's yaw axis for 16 s of a flight with a roll
-step. A safety monitor ends a flight with a constant count only if the axis must have turned by the
-monitor's model.
+step. The safety monitor `frozen_encoder` simulates an axis while its count is constant. It ends the
+flight only if the simulated axis has turned.
 """
 
 from __future__ import annotations

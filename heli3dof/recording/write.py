@@ -47,9 +47,9 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
 
 
 def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the metadata records by name, in a file's order.
+    """Return the metadata records of a recording's file: name → content, in the file's order.
 
-    ``absent``: the message fields that the recording lacks.
+    ``absent``: names of the message fields that the recording lacks.
     """
     meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
     outcome: dict[str, Any] = {"rows": len(recording)}
@@ -67,8 +67,12 @@ def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any
 def encode(recording: Recording) -> tuple[RowFormat, np.ndarray, list[str]]:
     """Return (format, rows, absent): a recording as the rows of an MCAP file.
 
-    ``rows``: structured array. ``absent``: fields of the messages Sample and Command that the
-    recording lacks. Raises UsageError for more than `MAX_CHANNELS` channels without such a field.
+    * ``format``: byte format of the rows
+    * ``rows``: the recording's samples, as a structured array in this format
+    * ``absent``: names of the fields of the messages Sample and Command that the recording lacks
+
+    The message Channels contains the recording's channels that have no field in Sample or Command.
+    Raises UsageError if these are more than `MAX_CHANNELS`.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
     known: dict[str, np.ndarray] = {"t_s": recording.t}

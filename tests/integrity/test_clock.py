@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from heli3dof.integrity import Kind, integrity
 from heli3dof.recording.logs.log_validation import timing
-from heli3dof.recording.logs.sampling_clock import ticks
+from heli3dof.recording.logs.sampling_clock import estimate_clock
 from heli3dof.recording.recording import Recording
 from tests.integrity.flights import flight, names, only, with_time
 
 
 def test_lost_samples_are_counted_from_the_stamps() -> None:
     t = 0.002 * np.delete(np.arange(1000), [10, 500, 501, 502, 990])
-    result = ticks(t)
+    result = estimate_clock(t)
     assert result.lost == 5
     assert np.diff(result.number).max() == 3 + 1
     assert result.period_s == pytest.approx(0.002, rel=1e-9)
@@ -38,7 +38,7 @@ def test_the_count_is_right_under_jitter_and_drift(
     t = 0.002 * (1 + drift) * np.arange(n) + late
     kept = rng.random(n) >= share
     kept[[0, -1]] = True
-    result = ticks(t[kept])
+    result = estimate_clock(t[kept])
     assert abs(result.lost - int((~kept).sum())) <= 1
     assert result.jitter_s == pytest.approx(float(np.std(late)), rel=0.05, abs=2e-6 + 3e-5 * share)
 

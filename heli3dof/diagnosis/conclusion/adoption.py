@@ -114,15 +114,18 @@ class AdoptionResult:
         return tuple(t for t in self.residual_torques if t.term is not None)
 
     def with_causes_of(self, other: AdoptionResult) -> AdoptionResult:
-        """Return ``other`` with the residual torques of this result, and with its dropped causes.
+        """Return the causes of ``other`` with the residual torques of ``self``.
 
-        A dropped cause is left out if ``other`` compared it with an adopted one, or dropped it too.
+        The dropped causes of ``self`` are added to those of ``other``, with two exceptions:
+
+        - ``other`` has dropped the cause too.
+        - The cause was a candidate again when ``other`` selected its adopted causes.
         """
-        compared = {c.term.name for choice in other.choices for c in choice.candidates}
-        compared |= {d.name for d in other.dropped}
+        decided = {c.term.name for choice in other.choices for c in choice.candidates}
+        decided |= {d.name for d in other.dropped}
         return replace(
             other,
-            dropped=(*(d for d in self.dropped if d.name not in compared), *other.dropped),
+            dropped=(*(d for d in self.dropped if d.name not in decided), *other.dropped),
             residual_torques=self.residual_torques,
             slow_noise=self.slow_noise,
         )
@@ -131,10 +134,10 @@ class AdoptionResult:
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
 ) -> AdoptionResult:
-    """Return which of the causes ``choices`` are adopted, and which are dropped for what reason.
+    """Test the selected causes ``choices``: return the adopted ones, and why others are dropped.
 
-    ``fit`` contains all of them. ``holdout``: held-out recordings; if there are none, the gains are
-    cross-validated.
+    ``fit`` contains all these causes. ``holdout``: held-out recordings, on which the gain of each
+    cause is measured. Without them, the gains are cross-validated.
     """
     kept, dropped = list(choices), list[Dropped]()
     while True:
@@ -157,10 +160,12 @@ def adopted(
 
 
 def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
-    """Return why a cause is dropped, or "" if it is adopted.
+    """Return the reason to drop the cause ``choice``, or "" to adopt it.
 
-    ``g``: its gain on held-out data. ``margin``: from `coloured_noise_margin`, or 0 if an encoder
-    error of one count explains the cause. ``first``: True for the first cause.
+    ``g``: gain of the cause on held-out data. ``first``: True for the cause that the search found
+    first. A ``margin`` of 0 means that an encoder error of one count explains the data equally well
+    (`within_a_count`). Otherwise ``margin`` is the `coloured_noise_margin`; below 1, coloured noise
+    may explain the data.
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
@@ -205,12 +210,15 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
 
 
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
-    """Return whether an encoder error of at most one count explains the cause.
+    """Return whether an encoder error of at most one count explains the data as well as the cause.
 
-    The error is backlash, if that is the cause, or an encoder offset that is the cause or is
-    confounded with it. An encoder's zero is uncertain by a count, because counts start at power-up.
-    The size of the cause is that in ``fit``. A confounded offset has the size estimated in the fit
-    with this offset.
+    There are two cases:
+
+    - The cause itself is encoder backlash or an encoder offset. Its size is that in ``fit``.
+    - The cause is confounded with an encoder offset. The offset's size comes from another fit, with
+      the offset in place of the cause.
+
+    An encoder's zero is always uncertain by one count, because counts start at power-up.
     """
     for c in choice.candidates:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
@@ -257,7 +265,8 @@ def fitted(
 ) -> Fitted:  # fmt: skip
     """Return the base simulation and the extended model, with their prediction errors.
 
-    The extended model has the fit of ``result``: causes, and terms of unmodelled torques.
+    The extended model adds the adopted causes and the terms for residual torques to the base
+    simulation. Its parameters have the values fitted in ``result.fit``.
     """
     fit, after = result.fit, result.after
     model = model_of(fit, train, "extended")
@@ -291,9 +300,10 @@ def _findings(
 
 
 def with_size(finding: Finding, fit: CorrectedFit, scale: ThrustScale) -> Finding:
-    """Return the finding with its size in ``fit``, which limits the confidence in it.
+    """Return ``finding`` with the parameter values of ``fit``, and with limited confidence.
 
-    ``scale`` converts values in units of the thrust gain K_f to SI.
+    The confidence in the finding is limited to `size_confidence`, the probability that its size has
+    the estimated sign. ``scale`` converts values in units of the thrust gain K_f to SI.
     """
     name, c = finding.term.name, finding.choice
     return replace(
@@ -314,10 +324,14 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices; each ``tied_with`` omits the other choices and ``formal`` effects.
+    """Return the chosen causes ``choices``, no longer confounded with each other.
 
-    If names are removed, the confidence is raised to that against the remaining candidates.
-    ``formal``: effects that only write the rigid body's equations in another form.
+    ``tied_with`` of a cause names the candidates that are confounded with it. The function removes
+    the names of the other chosen causes, and of the effects ``formal``. A formal effect only writes
+    the rigid body's equations in another form.
+
+    If it removes a name, the confidence becomes at least the posterior probability of the cause
+    against the best of the remaining candidates (or against no effect). It is never lowered.
     """
     named = {c.term.name for c in choices} | set(formal)
     out = []

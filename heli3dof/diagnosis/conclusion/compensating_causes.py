@@ -1,30 +1,40 @@
 """Search for residual torques, and drop the causes that only compensate for such a torque.
 
-Causes, alone or together, may compensate for a torque that the catalogue lacks. On pitch, a torque
-k V_f V_b (front and back voltage) is, to first order about hover, a thrust mismatch and a constant
-torque. So each cause, each pair and all causes together are compared with a formula in their place:
-a torque c φ on one axis. The axis and the product φ of measured quantities are those that explain
-most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
-filter updates), ℓ_φ that with the formula. With K formulas and the fit's variance inflation κ
-(`Estimate.inflation`), the formula replaces the causes if
+A residual torque is a torque that the fitted model lacks. If the catalogue of effects does not
+contain it, other effects may compensate for it, and are then found as causes. Example: on pitch, a
+torque k V_f V_b (front and back voltage) equals, to first order about hover, a thrust mismatch and
+a constant torque.
+
+So the causes are compared with a formula: a torque c φ on one axis. φ is a product of measured
+quantities, c a coefficient. The formula takes the place of one cause, of two, or of all. Its axis
+and φ are those with the largest score-test statistic (`unmodelled.torque_formula`). The formula
+replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`
 
-The second summand is BIC for the causes' further parameters, the third the prior odds against one
-formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the controller is
-known, flights are also simulated, with the causes and with the formula. The flights with the causes
-must refute them: the recordings' ℓ_φ − ℓ_s lies beyond theirs, towards that of the flights with the
-formula (`search.rivals.is_refuted`). The formula need not be the whole cause, since the search
-continues. If the controller is unknown, a formula in place of a single cause must improve held-out
-predictions. The RMSE on the formula's axis must decrease significantly, by more than the encoder's
-rounding (`conclusion.unknown_controller`).
+- ℓ_s: log-likelihood of the model with the causes, which have n_s parameters
+- ℓ_φ: log-likelihood of the model with the formula in place of the causes
+- κ: variance inflation of the fit's scores (`Estimate.inflation`), at least 1
+- (n_s − 1) ln N: BIC penalty for the causes' additional parameters (the formula has one); N is the
+  number of filter updates
+- 2 ln K: penalty for the choice of one formula among K, each with the prior probability 1/K
 
-Causes that a formula replaces are removed. The others are fitted again, and adopted or dropped. The
-search is repeated until no further cause is removed. A remaining cause is marked "…-like"
-(unconfirmed) if one of these holds:
+**Confirmation.** On a limit cycle, ℓ of a wrong model may be higher by hundreds. So the inequality
+alone is not enough:
 
-- Its size differs from zero by less than `SIGMAS_95` standard deviations.
-- It does not significantly improve the prediction of held-out data.
+- If the controller is known, flights are simulated with the causes, and others with the formula.
+  The simulations must refute the causes (`search.rivals.is_refuted`). They do so if ℓ_φ − ℓ_s of
+  the recordings differs significantly from that of the flights with the causes, towards that of the
+  flights with the formula. The flights with the formula may refute the formula too. It is then only
+  a part of the true torque, and the search continues.
+- If the controller is unknown, a formula in place of a single cause must improve held-out
+  predictions. The RMSE on its axis must decrease significantly, by more than the encoder's rounding
+  (`conclusion.unknown_controller`). A formula in place of several causes needs no confirmation.
+
+Replaced causes are removed from the model. The other causes are fitted again, and each is adopted
+or dropped (`conclusion.adoption`). Then the search for residual torques is repeated, until no
+formula replaces a cause. Of the causes that remain at the end, `marked_unconfirmed` marks some as
+unconfirmed ("…-like").
 """
 
 from __future__ import annotations
@@ -73,58 +83,60 @@ from heli3dof.recording.recording import Recording
 def search_residual_torques(
     setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
 ) -> AdoptionResult:
-    """Search the fit of ``start`` for residual torques; drop causes that only compensate for them.
+    """Search for residual torques, which ``start.fit`` lacks; drop causes that compensate for them.
 
-    The torques found are added to those of ``start``, whose terms its fit contains. ``flights``:
-    number of flights simulated without residual torque, per search.
+    The result contains the residual torques found, and those of ``start`` for which the model
+    already has a term. ``flights``: number of flights that each search simulates without residual
+    torque.
     """
     if not start.fit.is_corrected:  # a cause that is now dropped may have prevented simulation
-        start = _without(setup, start, (), holdout)
+        start = _refitted_without(setup, start, (), holdout)
     now, proven = start, None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
         if scores.null is None and proven is None:
             proven = significant_formula(scores)
-        left, slow_noise = split_off_slow_noise(significant_torques(scores, proven))
-        left = tuple(x for x in left if x.axis in setup.explained_axes)
+        torques, slow_noise = split_off_slow_noise(significant_torques(scores, proven))
+        torques = tuple(x for x in torques if x.axis in setup.explained_axes)
         if not now.fit.is_corrected:
-            left = tuple(x for x in left if not is_biased(now.fit, x.axis))
+            torques = tuple(x for x in torques if not is_biased(now.fit, x.axis))
         causes = [f.term.name for f in now.findings if not f.term.effect.of_base]
         won = replaced_by_formula(setup, now.fit, causes, holdout)
         if won is None:
             break
         proven = won.formula.location
-        first = left if first is None else first
-        now = _without(setup, now, won.causes, holdout)
-    if first is not None and not left:
-        return _undecided(start, first)
-    torques = (*start.modelled_torques, *left)
-    return replace(now, residual_torques=torques, slow_noise=slow_noise)
+        first = torques if first is None else first
+        now = _refitted_without(setup, now, won.causes, holdout)
+    if first is not None and not torques:
+        return _all_unconfirmed(start, first)
+    return replace(now, residual_torques=(*start.modelled_torques, *torques), slow_noise=slow_noise)
 
 
-def _undecided(start: AdoptionResult, left: tuple[ResidualTorque, ...]) -> AdoptionResult:
-    """Return ``start`` with all causes unconfirmed, and with the residual torques ``left``.
+def _all_unconfirmed(start: AdoptionResult, torques: tuple[ResidualTorque, ...]) -> AdoptionResult:
+    """Return ``start`` with all causes marked as unconfirmed, and with ``torques`` added.
 
-    The search found ``left`` before it removed any cause. A formula explained the flight better
-    than the removed causes, but in the model without these causes no residual torque is
-    significant. So all causes and torques are uncertain.
+    The caller uses it if two results contradict each other. First, a formula for a residual torque
+    explained the recordings better than some causes, so these causes were removed. Then, in the
+    model without them, no residual torque was significant. ``torques``: the residual torques found
+    before any cause was removed.
     """
     return replace(
         start,
         findings=tuple(replace(f, unconfirmed=True) for f in start.findings),
-        residual_torques=(*start.modelled_torques, *left),
+        residual_torques=(*start.modelled_torques, *torques),
         is_decided=False,
     )
 
 
-def _without(
+def _refitted_without(
     setup: Setup, now: AdoptionResult, names: Sequence[str], holdout: Sequence[Recording]
 ) -> AdoptionResult:
-    """Return ``now`` after removing the causes ``names``; the others are refitted and tested.
+    """Return ``now`` without the causes ``names``; the other causes are refitted and tested again.
 
     The result lists ``names`` as dropped, with the gains that they had in ``now``. If ``names`` is
-    empty and the fit still cannot be bias-corrected, the function returns ``now``.
+    empty, the function only repeats the bias correction of the fit by simulated flights, and the
+    test of the causes. If this bias correction fails, the result is ``now`` unchanged.
     """
     fit = now.fit
     for name in names:
@@ -140,10 +152,13 @@ def _without(
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings; some of them are marked as unconfirmed ("…-like").
+    """Return the findings; those with a doubtful size or gain are marked as unconfirmed.
 
-    These have a size that is `insignificant` in ``fit``, or they do not significantly increase the
-    likelihood of held-out data.
+    The report adds "-like" to the name of an unconfirmed finding. A finding is unconfirmed if one
+    of these holds:
+
+    - Its size in ``fit`` differs from zero by less than `SIGMAS_95` standard deviations.
+    - It does not significantly increase the likelihood of held-out data.
     """
     small = insignificant(fit)
     return tuple(
@@ -162,7 +177,11 @@ def insignificant(fit: Estimate) -> set[str]:
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """The fit with the best formula, and the axis and variable of the formula's torque."""
+    """A fit whose model contains a torque c φ on one axis.
+
+    φ is a product of measured quantities, c a fitted coefficient. ``location``: the torque's axis,
+    and the variable on which it depends.
+    """
 
     problem: Likelihood
     optimum: Optimum
@@ -170,27 +189,36 @@ class Formula:
 
 
 @dataclass(frozen=True, eq=False)
-class Contest:
-    """The comparison of a set of causes with a formula that may replace them.
+class Replacement:
+    """The comparison of two models: one with ``causes``, one with a torque formula instead.
 
-    ``margin``: evidence for the formula, in units of 2 ln L: log-likelihood gain, BIC for the
-    number of parameters, and prior odds of one formula among many.
+    A torque formula is a torque c φ on one axis, proportional to a product φ of measured
+    quantities.
     """
 
     causes: tuple[str, ...]
     formula: Formula
     margin: float
+    """Evidence for the formula, in units of 2 ln L: the left side of the module's inequality. It is
+    the sum of the log-likelihood's increase, the BIC penalty for the additional parameters of the
+    causes, and the penalty for the choice of one formula among many."""
 
 
 def replaced_by_formula(
     setup: Setup, fit: CorrectedFit, causes: Sequence[str], holdout: Sequence[Recording]
-) -> Contest | None:
-    """Compare each of the ``causes``, each pair and all together with a formula in their place.
+) -> Replacement | None:
+    """Return the best replacement of causes by a torque formula, or None if the causes are better.
 
-    Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
-    None. If the controller is unknown, held-out predictions must confirm a formula in place of a
-    single cause; a formula in place of several causes needs no confirmation. The held-out data are
-    ``holdout`` or, if it is empty, blocks left out of the fit.
+    A torque formula is a torque c φ on one axis, proportional to a product φ of measured
+    quantities. It may take the place of one of the ``causes``, of two, or of all. The evidence for
+    the formula (`Replacement.margin`) must exceed `TIE`. Then the largest margin is chosen among
+    those with confirmation:
+
+    - Controller known: simulated flights must refute the causes (`simulations_refute`).
+    - Controller unknown: a formula in place of a single cause must improve held-out predictions
+      (`predictions_agree`). A formula in place of several causes needs no confirmation.
+
+    The held-out data are ``holdout`` or, if it is empty, blocks left out of the fit.
     """
     if not causes:
         return None
@@ -198,23 +226,24 @@ def replaced_by_formula(
     ln_causes = maximise_corrected(fit.problem, o.theta, o.noise, None).loglik
     sizes = {1, min(2, len(causes)), len(causes)}
     sets = [some for n in sorted(sizes) for some in itertools.combinations(causes, n)]
-    contests = [contest(fit, ln_causes, some) for some in sets]
-    won = sorted((c for c in contests if c.margin > TIE), key=lambda c: -c.margin)
+    compared = [replacement(fit, ln_causes, some) for some in sets]
+    better = sorted((r for r in compared if r.margin > TIE), key=lambda r: -r.margin)
 
-    def is_confirmed(c: Contest) -> bool:
+    def is_confirmed(r: Replacement) -> bool:
         if setup.controller_is_known:
-            return simulations_refute(setup, fit, c.formula)
-        return len(c.causes) > 1 or predictions_agree(setup, fit, c.formula, holdout)
+            return simulations_refute(setup, fit, r.formula)
+        return len(r.causes) > 1 or predictions_agree(setup, fit, r.formula, holdout)
 
-    return next(filter(is_confirmed, won), None)
+    return next(filter(is_confirmed, better), None)
 
 
 def predictions_agree(
     setup: Setup, fit: CorrectedFit, formula: Formula, holdout: Sequence[Recording]
 ) -> bool:
-    """Return whether the formula predicts held-out data better than ``fit``, which has the causes.
+    """Return whether the model with the formula predicts held-out data better than ``fit``.
 
-    The RMSE of the formula's axis must decrease significantly, by more than encoder rounding.
+    ``fit`` contains the causes that the formula may replace. With the formula, the RMSE on its axis
+    must be smaller, significantly and by more than encoder rounding.
     """
     wide = CorrectedFit(formula.problem, formula.optimum)
     g = gain(held_out(fit, holdout), held_out(wide, holdout), seed=setup.seed)
@@ -222,10 +251,15 @@ def predictions_agree(
 
 
 def simulations_refute(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
-    """Return whether simulated flights refute the causes, which ``fit`` contains.
+    """Return whether simulated flights refute the causes in ``fit`` in favour of a torque formula.
 
-    Flights are simulated with the causes and with the formula (`search.rivals.is_refuted`). If
-    ``fit`` could not be bias-corrected by simulated flights, the result is True.
+    ``formula`` contains the fit with a torque c φ in place of some of these causes; φ is a product
+    of measured quantities. Flights of both fits are simulated. Δ is the log-likelihood with the
+    formula minus the log-likelihood with the causes. The causes are refuted if Δ of the recordings
+    differs significantly from Δ in the flights simulated with the causes, towards Δ in those with
+    the formula (`search.rivals.is_refuted`).
+
+    If ``fit`` could not be bias-corrected by simulated flights, the result is True.
     """
     if not fit.is_corrected:
         return True
@@ -237,11 +271,13 @@ def simulations_refute(setup: Setup, fit: CorrectedFit, formula: Formula) -> boo
     return is_refuted(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed), 0, 1)
 
 
-def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
-    """Return the comparison of ``causes``, taken together, with the best formula in their place.
+def replacement(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Replacement:
+    """Compare ``fit`` with a model in which one torque formula replaces all of ``causes``.
 
-    ``margin`` is −∞ if the formula cannot be fitted. ``ln_causes``: log-likelihood of ``fit``,
-    which contains the causes.
+    The formula is the best one of `with_best_product`: a torque c φ on one axis, proportional to a
+    product φ of measured quantities. ``ln_causes``: log-likelihood of ``fit``, which contains the
+    causes. The result's ``margin``, the evidence for the formula, is −∞ if the formula cannot be
+    fitted.
     """
     less = fit
     for name in causes:
@@ -252,13 +288,15 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
     gain = 2 * (ln_formula - ln_causes) / max(fit.inflation, 1.0)
     formulas = len(AXES) * len(PRODUCTS)
     penalty = bic_penalty(parameters - 1, fit.optimum.at) - 2 * float(np.log(formulas))
-    return Contest(causes, formula, float(gain + penalty) if np.isfinite(ln_formula) else -np.inf)
+    margin = float(gain + penalty) if np.isfinite(ln_formula) else -np.inf
+    return Replacement(causes, formula, margin)
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:
-    """Return ``fit`` extended by one torque c φ, with the coefficient c refitted.
+    """Return ``fit`` extended by one torque c φ on one axis, with all parameters refitted.
 
-    The axis, and the product φ of measured quantities, are those that explain most.
+    φ is a product of measured quantities, c its coefficient. The axis and φ are those with the
+    largest score-test statistic.
     """
     x = evidence_without_nulls(fit)
     axes = np.flatnonzero(fit.problem.data.axes)

@@ -1,57 +1,66 @@
-"""Report what is confounded with a wrong base parameter, or with a wrong encoder scale.
+"""Find out which causes are confounded with a wrong base parameter or a wrong encoder scale.
 
-**Absorbed effects.** The base fit absorbs some effects completely. For example, a step about one
-hover voltage only determines the ratio of thrust slope and inertia, so a curved thrust appears as
-another inertia.
+The base parameters are the thrust gain K_f, the trim torque T_g and three inertias J. They are
+fitted together with the adopted causes.
 
-A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
-inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). θ_edge is the limit that the
-profile's tolerance sets for θ_j. If effect i alone explains why θ_j is beyond θ_edge, its size α
-(in units of the probe) and its statistic Z are at least
+**Effects absorbed by a parameter.** If the rig has an effect that the model lacks, the fitted base
+parameters may compensate for it. For example, a step about one hover voltage only determines the
+ratio of thrust slope to inertia. So a curved thrust appears as a wrong inertia.
+
+The score test evaluates each effect i at a trial size. If the rig has this effect with α times the
+trial size, and the model lacks it, the fitted parameter θ_j of T_g or an inertia shifts by α b_ji.
+θ_j is a scaled parameter, and b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). The profile's
+tolerance sets a lower and an upper limit of θ_j. If θ_j is beyond them, effect i alone explains
+this as long as θ_j − α b_ji lies between the limits. At a limit θ_edge,
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-and at most those for the opposite limit. v_i is the information of probe i, std_i the standard
-deviation of its score in simulated flights without the effect. Effect i is confounded with
-parameter j if
+Z is the score-test statistic that the size α is expected to have. So the two limits give a range of
+α and a range of Z. v_i is the information of effect i. std_i is the standard deviation of its score
+in flights simulated without the effect. Effect i is confounded with parameter j if both hold:
 
-1. α is possible: at most `LARGE` typical sizes, and of the right sign;
-2. the measured Z_i lies within this range of Z, widened by `SIGMAS_997`.
+1. The smallest size α in its range is plausible: at most `LARGE` typical sizes, with a sign that a
+   rig can have.
+2. The measured Z_i lies in the range of Z, widened by `SIGMAS_997` on either side.
 
-A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For K_f the same conditions
-apply with another range of α: the corrected parameters θ_j − α b_ji must give a K_f within the
-tolerance.
+A wrong K_f changes the fitted T_g and inertias by the same factor (`greybox.thrust_scale`). For K_f
+the same two conditions apply, with another range of α: the corrected parameters θ_j − α b_ji must
+give a K_f within the tolerance.
 
-In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
-the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
-significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `SIGMAS_95`² are fitted in
-full, at most `MAX_ALTERNATIVES`. A term is confounded with the inertias off nominal if both hold:
+**Torques absorbed by an inertia.** In a short step flight, a slow torque has nearly the effect of a
+wrong inertia. If an inertia is significantly off nominal (`diagnosis.base_parameters`), effects
+with Z² > `SIGMAS_95`² are added to the model and fitted, one at a time, at most `MAX_ALTERNATIVES`.
+An effect is confounded with the inertias off nominal if both hold for its fit:
 
-- Its BIC score (`search.candidate_fits`) exceeds −`TIE`.
-- Its fit puts all these inertias within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal)
-  ≤ ln(1 + ε).
+- Its BIC is worse than without the effect by less than `TIE` (`search.candidate_fits`).
+- All these inertias lie within the profile's tolerance ε: ln(1 − ε) ≤ ln(J/J_nominal) ≤ ln(1 + ε).
 
-**Encoder scales.** An encoder with scale error k reads y = rest + k (q − rest) at the angle q. rest
-is the angle at which counts start. A flight with this error looks like a flight without it, but
-with other inertias J. With roll r, pitch p, yaw ψ, arm length L_a and thrust F:
+**Encoder scales.** An encoder with the scale error k reads y = rest + k (q − rest) at the angle q.
+rest is the angle at which counts start. The readings are nearly those of a rig with a correct
+encoder and other inertias. With roll r, pitch p, yaw ψ, arm length L_a and thrust F, a fit finds
 
-    yaw     ψ = y/k:  k L_a F cos r sin p = J_ψ ÿ, so an inertia J_ψ/k
-    pitch   an inertia J_p/k; sin p ≈ y/k drives yaw, so also an inertia k J_ψ
-    roll    an inertia J_r/k; y = 0 at q = rest (1 − 1/k), so an offset or a pendulum torque
+    axis    fitted inertias                   because
+    yaw     J_ψ/k in place of J_ψ             ψ = y/k, so that k L_a F cos r sin p = J_ψ ÿ
+    pitch   J_p/k in place of J_p,            p = y/k;
+            k J_ψ in place of J_ψ             yaw is driven by sin p ≈ y/k
+    roll    J_r/k in place of J_r             r = rest + (y − rest)/k
 
-The two flights differ only in products of rates and in higher-order terms of the sines.
+A scale error of roll also shifts the level angle: y = 0 at q = rest (1 − 1/k). A fit finds this as
+an encoder offset or a pendulum torque. The readings of the two rigs differ only by products of
+rates and by higher-order terms of the sines.
 
-Let x = ln(J/J_nominal) for a fitted inertia J, σ the standard deviation of x, ε the profile's
-tolerance and e = ln(1 + ε) + `SIGMAS_95` σ. δ is the roll offset found, or asin(τ/T_g) for a
-pendulum torque τ and the trim torque T_g. A finding is confounded with the scale error k of an axis
-if k meets the conditions in the row of the axis, within the bounds of the effect ``encoder.scale``:
+Let x = ln(J/J_nominal) for a fitted inertia J, with the standard deviation σ. ε is the profile's
+tolerance, and e = ln(1 + ε) + `SIGMAS_95` σ. δ is the roll offset found, or asin(τ/T_g) for a
+pendulum torque τ. A finding is confounded with the scale error of an axis if a k exists that lies
+within the bounds of the effect ``encoder.scale`` and satisfies
 
     yaw     ln k = −x_ψ
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e_r
 
-If there is no such finding, the recordings cannot show a scale error of yaw or pitch within the
-tolerance. They show one of roll if the roll offset rest (1 − 1/(1 + ε)) is detectable.
+If no finding is confounded with the scale error of an axis, the scale error is reported as not
+identifiable. Exception: a scale error ε of roll would cause the roll offset rest (1 − 1/(1 + ε)).
+If an offset of this size is detectable, the recordings can show the scale error.
 """
 
 from __future__ import annotations
@@ -92,7 +101,11 @@ ROLL_OFFSET = "encoder.offset.roll"
 
 
 def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNominal, ...]:
-    """Return ``off``; the ``tied_with`` of each names the effects that are confounded with it."""
+    """Return the base parameters ``off``, which are off nominal, with their confounded effects.
+
+    ``tied_with`` of each parameter names the effects that are confounded with it. ``step`` is the
+    score test of all effects.
+    """
     is_inertia = [o.term.effect.name == "inertia" for o in off]
     alternatives = [f.term.name for f in instead_of_inertia(step)] if any(is_inertia) else []
 
@@ -118,7 +131,10 @@ def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
 
 
 def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
-    """Return the terms confounded with base parameter j, an index of `PARAMETERS`."""
+    """Return the names of the effects that are confounded with the wrong base parameter j.
+
+    j is an index of `PARAMETERS`: the trim torque and three inertias.
+    """
     fit, screen = step.fit, step.screen
     f, value = fit.free[j], float(fit.values[j]) * thrust_scale(fit).k
     if value / f.start <= 0:
@@ -135,7 +151,7 @@ def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
 
 
 def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
-    """Return the terms confounded with the thrust gain K_f."""
+    """Return the names of the effects that are confounded with a wrong thrust gain K_f."""
     fit, screen = step.fit, step.screen
     base, half = fit.free[:4], 0.5 * fit.structure.profile.tolerance
     nominal = np.array([f.start for f in base])
@@ -149,10 +165,13 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int, size: float) -> list[tuple[float, float]]:
-        """Return the range (least, most) of α > 0 and that of α < 0, each left out if empty.
+        """Return the ranges of α in which α times the trial size of effect ``i`` explains K_f.
 
-        With α in a range, α times the trial effect ``i`` explains a wrong K_f: the parameters
-        corrected for it give a K_f within the profile's tolerance. ``size``: of the trial effect.
+        If the rig has effect i, a fit without this effect has wrong parameters. The effect explains
+        a wrong K_f if the parameters without this error give a K_f within the profile's tolerance.
+        The result contains at most two ranges, one for α > 0 and one for α < 0. A range is a tuple
+        (α nearest to zero, α farthest from zero). ``size``: the trial size, in the unit of the
+        effect's first parameter.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(size)
@@ -165,12 +184,16 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the names of the terms that alone may explain a wrong base parameter.
+    """Return the names of the effects that alone may explain a wrong base parameter.
 
-    ``ranges``: (index i of a trial effect, least α, largest α). With α in this range, α times the
-    trial effect i explains the wrong parameter. The range must contain a size of at most `LARGE`
-    typical sizes, and of the right sign. The effect's Z must lie in the corresponding range of Z,
-    widened by `SIGMAS_997` on either side.
+    The score test of ``step`` has evaluated each effect i at a trial size. ``ranges`` contains
+    tuples (i, α nearest to zero, α farthest from zero). With α in this range, α times the trial
+    size of effect i explains the wrong parameter. The effect is returned if both hold:
+
+    - The α nearest to zero is plausible: at most `LARGE` typical sizes, with a sign that a rig can
+      have.
+    - The effect's score-test statistic Z lies between the two values of Z that are expected at the
+      ends of the range. Deviations by `SIGMAS_997` standard deviations are allowed.
     """
     screen, Z = step.screen, step.Z
 
@@ -195,11 +218,16 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
 
 
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
-    """Return the fits of candidates that may replace the deviations of all inertias off nominal.
+    """Return fits in which an added effect explains the data instead of wrong inertias.
 
-    The first `MAX_ALTERNATIVES` identifiable terms with Z² > `SIGMAS_95`² are fitted. A fit is
-    returned if its score exceeds −`TIE`, and if it puts all these inertias within the profile's
-    tolerance. The result is empty if no inertia is off nominal.
+    Wrong inertias are those that the fit without the effect finds off nominal, significantly and by
+    more than the profile's tolerance. Without wrong inertias the result is empty.
+
+    The `MAX_ALTERNATIVES` identifiable effects with the largest Z² in the score test ``s`` are
+    fitted, if Z² > `SIGMAS_95`². A fit is returned if both hold:
+
+    - Its BIC is worse than that of the fit without the effect by less than `TIE`.
+    - It estimates all these inertias within the profile's tolerance.
     """
     off = {o.term.name for o in off_nominal(s.fit) if o.term.effect.name == "inertia"}
     if not off:
@@ -221,8 +249,10 @@ def with_scale_ties(
 ) -> tuple[tuple[Finding, ...], tuple[OffNominal, ...]]:  # fmt: skip
     """Return ``findings`` and ``off``; their ``tied_with`` also names confounded encoder scales.
 
-    ``off``: base parameters off nominal; ``numbers``: estimates of all base parameters;
-    ``rest_rad``: roll at rest on the table; ``tolerance``: the profile's.
+    - ``off``: base parameters off nominal
+    - ``numbers``: estimates of all base parameters
+    - ``rest_rad``: roll angle at rest on the table, where counts start
+    - ``tolerance``: the profile's tolerance of the relative deviation from nominal
     """
     x = {c.name: (c.x, c.noise_std) for c in numbers}
     T_g = next((c.value for c in numbers if c.name == "T_g"), math.nan)
@@ -282,10 +312,11 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return ``off``, with further confounded causes if the thrust gain K_f is off nominal.
+    """Return ``off``; if it contains the thrust gain K_f, all parameters in it become confounded.
 
-    K_f is then confounded with the inertias, and every other base parameter off nominal with K_f.
-    Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
+    ``off``: the base parameters off nominal. K_f is then confounded with the inertias, and each
+    other parameter in ``off`` is confounded with K_f. The function is for recordings whose flights
+    cannot be simulated. Only the profile's nominal values then separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
     """
     if not any(o.term.name == THRUST_GAIN for o in off):
@@ -299,9 +330,10 @@ def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
 def _inertia_ties(
     x: dict[str, tuple[float, float]], tolerance: float
 ) -> dict[str, tuple[str, ...]]:
-    """Return {axis: encoder scale errors confounded with a wrong inertia of this axis}.
+    """Return {axis: names of encoder scale errors}, confounded with a wrong inertia of the axis.
 
-    ``x``: {name of the inertia J: (ln(J/J_nominal), its standard deviation)}.
+    ``x``: {name of the inertia J: (ln(J/J_nominal), its standard deviation)}. ``tolerance``: the
+    profile's tolerance of the relative deviation from nominal.
     """
     out: dict[str, list[str]] = {"pitch": [], "yaw": []}
     if _is_possible(-x["J_yaw"][0]):
@@ -320,7 +352,7 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether J/J_nominal of an inertia J is exp(``shift``), within tolerance and noise.
+    """Return whether ln(J/J_nominal) of an inertia J equals ``shift`` within tolerance and noise.
 
     ``x``: (ln(J/J_nominal), its standard deviation σ). The difference between ln(J/J_nominal) and
     ``shift`` must be at most ln(1 + ``tolerance``) + `SIGMAS_95` σ.

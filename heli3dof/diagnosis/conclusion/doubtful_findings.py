@@ -80,9 +80,13 @@ MIN_SCORE_SHARE = 0.5
 
 
 def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Finding, ...]:
-    """Return the findings; the doubtful ones are marked as unconfirmed ("…-like").
+    """Return the findings; the doubtful ones are marked as unconfirmed.
 
-    Rules 1 to 3 in the module's docstring define which findings are doubtful.
+    The report adds "-like" to the name of an unconfirmed finding. These findings are doubtful:
+
+    - a periodic torque with a frequency of the commanded motion
+    - a change of mass at constant voltage, or found in several recordings
+    - any finding that single recordings do not confirm, if the controller is unknown
     """
     recordings, unconfirmed = setup.recordings, set[str]()
     if not setup.controller_is_known:
@@ -186,9 +190,10 @@ def are_of_equal_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
 
 
 def size(fit: Estimate, name: str) -> tuple[float, float]:
-    """Return a term's size: its first parameter θ minus θ_0 (no effect), and the estimate's σ.
+    """Return (θ − θ_0, σ): the size of a term in ``fit``, and its standard deviation.
 
-    A parameter on a logarithmic scale has no value without effect; then θ_0 is 0.
+    θ is the estimate of the term's first parameter, θ_0 the value at which the term has no effect.
+    A parameter on a logarithmic scale cannot reach such a value; for it, θ_0 = 0.
     """
     j = first_parameters(fit.free)[name]
     f = fit.free[j]
@@ -203,9 +208,10 @@ def _fit_alone(recording: Recording, names: Sequence[str]) -> Estimate | None:
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings, with further confounded causes in their ``tied_with``.
+    """Return the findings; their ``tied_with`` also names causes that Vuong's test cannot separate.
 
-    Vuong's test on segments of the flight does not separate these causes from the finding.
+    Vuong's test compares the log-likelihoods of two fits in segments of the flight. A finding that
+    was chosen by simulated flights is not tested.
     """
     adopted = {f.term.name for f in findings}
     return tuple(
@@ -215,10 +221,13 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice, with further confounded candidates in its ``tied_with``.
+    """Return ``choice``, a chosen cause; Vuong's test adds confounded candidates to ``tied_with``.
 
-    Vuong's test does not separate these candidates from the choice. It compares log-likelihoods in
-    segments of the flight. The ``adopted`` causes are not tested.
+    Vuong's test compares the log-likelihoods of two fits in segments of the flight. One fit
+    contains the cause, the other a candidate of the same selection step in its place. If the test
+    does not separate them, the candidate is added. Otherwise the confidence in the cause is limited
+    to the test's probability. The ``adopted`` causes are not tested, because the model contains
+    them.
     """
     best, *others = choice.candidates
     if best.term.effect.of_base:

@@ -1,9 +1,10 @@
 """Extend the model by terms for residual torques that improve predictions of held-out data.
 
-The proposals for a torque are at most a formula and a curve (`unmodelled.torque_formula`). Each is
-fitted in full and bias-corrected. The first one with a significant gain on held-out data
-(`adoption.is_significant_gain`) is adopted. If none has such a gain, the torque is dropped. If none
-can be fitted, the torque is reported, but the model has no term for it.
+A residual torque is a torque that the fitted model lacks. Up to two terms are proposed for it: a
+formula, then a piecewise linear curve (`unmodelled.torque_formula`). A proposed term is added to
+the model, and all parameters are fitted again and bias-corrected. The first term with a significant
+gain on held-out data (`adoption.is_significant_gain`) is adopted. If no term has such a gain, the
+torque is dropped. If no term can be fitted, the torque is reported without a term in the model.
 """
 
 from __future__ import annotations
@@ -38,12 +39,16 @@ from heli3dof.recording.recording import Recording
 def with_torques(
     setup: Setup, result: AdoptionResult, holdout: Sequence[Recording]
 ) -> AdoptionResult:
-    """Return ``result`` with a term in its fit for each torque that improves held-out predictions.
+    """Return ``result`` with model terms for the residual torques that improve predictions.
 
-    A term is a formula or a curve proposed for the torque. A torque without such an improvement is
-    dropped: ``dropped`` lists its proposed term with the largest log-likelihood gain. A torque for
-    which no proposed term can be fitted is kept without a term. Torques that have a term already
-    are kept as they are.
+    A term is a formula or a curve that is proposed for a torque and added to the fit. The
+    predictions are those of held-out data. The torques of ``result`` are treated as follows:
+
+    - A torque that already has a term is kept unchanged.
+    - A torque with a term that improves predictions is kept with this term.
+    - A torque whose terms do not improve predictions is dropped. ``dropped`` then lists the term
+      with the largest log-likelihood gain.
+    - A torque for which no term can be fitted is kept without a term.
     """
     fit, after = result.fit, result.after
     kept, dropped = list[ResidualTorque](), list(result.dropped)
@@ -73,7 +78,10 @@ def with_torques(
 
 
 def with_sizes(result: AdoptionResult) -> AdoptionResult:
-    """Return ``result``; the values of its causes and torque terms are those in its fit."""
+    """Return a copy of ``result`` in which all causes and torque terms have their final values.
+
+    The final values are those in ``result.fit``, in SI units.
+    """
     fit, scale = result.fit, thrust_scale(result.fit)
 
     def with_values(x: ResidualTorque) -> ResidualTorque:

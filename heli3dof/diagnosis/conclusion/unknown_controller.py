@@ -34,7 +34,7 @@ from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
@@ -44,7 +44,7 @@ TRIM = "mass.imbalance"
 
 def is_biased(fit: CorrectedFit, axis: str | None) -> bool:
     """Return whether the fit's inertia of the ``axis`` is implausible; False without an axis."""
-    return isinstance(fit.problem, ProfileLikelihood) and axis in fit.problem.implausible
+    return isinstance(fit.problem, LikelihoodWithInertiaPrior) and axis in fit.problem.implausible
 
 
 def exceeds_rounding(
@@ -90,7 +90,7 @@ def confirmed(
     """
 
     def gained(p: OffNominal) -> Gain:
-        assert isinstance(fit.problem, ProfileLikelihood)
+        assert isinstance(fit.problem, LikelihoodWithInertiaPrior)
         held = [i for i, name in enumerate(PARAMETERS) if p.term.name in (name, THRUST_GAIN)]
         problem = replace(fit.problem, at_nominal=tuple(held))
         start = fit.optimum.theta.copy()

@@ -1,6 +1,6 @@
-"""Complete a diagnosis: confounded encoder scales, what remains unexplained, and the verdict.
+"""Complete a diagnosis: confounded encoder scales, prediction errors that remain, and the verdict.
 
-It is the last step for every log, with or without a likelihood.
+It is the last step of each diagnosis, by likelihood or by free-run prediction.
 """
 
 from __future__ import annotations
@@ -27,9 +27,14 @@ from heli3dof.integrity import Fault
 def conclude(
     d: Diagnosis, axes: Sequence[str], *, detectable_offset_deg: float = math.inf
 ) -> Diagnosis:
-    """Return ``d`` with its verdict, the errors that remain and confounded encoder scales.
+    """Return the diagnosis ``d``, completed by these results:
 
-    ``axes``: the measured axes; ``detectable_offset_deg``: least detectable roll offset.
+    - the encoder scale errors that are confounded with a cause, or not identifiable
+    - the prediction errors that the causes do not explain (`remainders`)
+    - the verdict (`verdict_of`)
+
+    ``axes``: the measured axes. ``detectable_offset_deg``: smallest offset of the roll encoder that
+    the recordings can show.
     """
     fitted = d.fitted
     assert fitted is not None
@@ -66,17 +71,24 @@ def without_causes(
 
 def verdict_of(
     findings: Sequence[Fault | Finding | OffNominal],
-    left: Sequence[ResidualTorque | UnexplainedError],
+    unexplained: Sequence[ResidualTorque | UnexplainedError],
     refit: Gain | None = None,
 ) -> str:
-    """Return the verdict, such as "explained", on the ``findings`` in the order of `in_order`.
+    """Return the verdict of a diagnosis: the first row of this table whose condition holds.
 
-    ``left``: the residual torques, and the errors that the causes leave (`remainders`).
-    ``refit``: the gain of refitting the profile's numbers. The verdict is "ambiguous" if the first
-    physical cause is confounded or unconfirmed ("…-like"). Faults of a recording affect the verdict
-    only if there is no physical cause.
+        unexplained         ``unexplained`` is not empty
+        ambiguous           the first physical cause is confounded with another, or unconfirmed
+        explained           there is a physical cause
+        off_calibration     the refit removes most of the prediction error
+        explained           there is a fault of a recording, such as sampling jitter
+        nothing_found       otherwise
+
+    ``findings``: all causes, most important first (`result.in_order`). Physical causes are
+    properties of the rig. ``unexplained``: residual torques, and prediction errors that the causes
+    do not explain. ``refit``: decrease of the prediction errors if the profile's base parameters
+    are replaced by fitted values.
     """
-    if left:
+    if unexplained:
         return "unexplained"
     causes = physical(findings)
     if not causes:
@@ -93,17 +105,21 @@ def remainders(
     findings: Sequence[Fault | Finding | OffNominal],
     slow_noise: Sequence[ResidualTorque] = (),
 ) -> tuple[UnexplainedError, ...]:
-    """Return the errors that remain, largest first; empty if the causes explain most of the error.
+    """Return the prediction errors that the diagnosis does not explain, largest first.
 
-    On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
-    the extended model; e_n is the noise floor (0 if unknown), limited to e_0. Most of the error
-    remains if, with sums over the axes,
+    The result is empty if the diagnosis explains most of the error. Let e_0 and e_1 be RMSEs of
+    predictions of held-out data: e_0 by the model with the profile's parameters, e_1 by the
+    extended model. e_n is the noise floor (0 if unknown), at most e_0. Most of the error remains
+    if, with sums over the axes,
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
-    The result contains the axes that satisfy this inequality on their own. An axis with slow noise
-    and without a noise floor is left out. Without a physical cause, and if refitted numbers do not
-    improve predictions either, there is no claim to refute, so the result is empty.
+    The result then contains the axes that satisfy this inequality on their own. An axis is omitted
+    if its noise floor is unknown and ``slow_noise`` contains a torque on it. Such a torque depends
+    on time only, so no model can predict it.
+
+    The result is also empty if the diagnosis offers no explanation: it found no physical cause, and
+    refitting the profile's parameters does not remove most of the error on any axis.
     """
     if f.refit is None or not (physical(findings) or f.refit.removes_most_error):
         return ()
@@ -124,15 +140,18 @@ def remainders(
 
 
 def _unexplained(r: UnexplainedError) -> float:
-    """Return the mean square in deg² that neither the extended model nor noise explains."""
+    """Return max(e_1² − e_n², 0) in deg²: the mean square error that remains unexplained.
+
+    e_1 is the RMSE of the extended model, e_n the RMSE caused by noise (0 if unknown).
+    """
     return float(max(r.extended_deg**2 - (r.noise_deg or 0.0) ** 2, 0.0))
 
 
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names of effects that a diagnosis must not report as causes of their own.
+    """Return the names of the effects that the ``causes`` already cover.
 
-    A fault of the recording (such as an encoder offset) explains them, or they are confounded with
-    one of the ``causes``.
+    A fault of a recording covers the effect that it names, such as sampling jitter. Each other
+    cause covers the effects that are confounded with it.
     """
     names: list[str] = []
     for f in causes:

@@ -1,1 +1,4 @@
-"""Recommend the next experiment: plans simulated to separate confounded causes."""
+"""Recommend the next experiment: the flight plan that best separates confounded causes.
+
+To find it, each plan is simulated with each cause in the model.
+"""

@@ -1,22 +1,31 @@
-"""Recommend the plan that determines in least time the parameters that a free-run fit left open.
+"""Recommend the plan that in least time decides about the parameters that a free-run fit left open.
 
-The fit's parameters θ (n,) have the information H = D Dᵀ + Λ, with the derivatives D of its
-residuals and the prior's precision Λ (`heli3dof.identification.greybox.multistep`). Each plan is
-simulated on the fitted model with noise, encoders and the default controller. The residuals of this
-flight, with the scales of the real fit, have derivatives D_p. Some parameters have a value of their
-own in each recording. The prior couples the new recording's values b to the common ones by Λ_b:
+A free-run fit minimises the errors of multi-step predictions
+(`heli3dof.identification.greybox.multistep`). A parameter θ of an effect is open if the fit does
+not show whether θ differs from θ_0, the value without the effect.
 
-    H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag [(H_now + A − B C⁻¹ Bᵀ)⁻¹]
+**Information before the flight.** The fit has n parameters common to all recordings. Some of them
+also have a separate value in each recording. The fit's information matrix of all these values is
+D Dᵀ + Λ. D are the derivatives of the residuals, and Λ is the prior's precision. H_now (n, n)
+follows from it by elimination of the separate values. So σ_now² = diag H_now⁻¹ are the variances of
+the common parameters.
 
-A is the block of the common parameters, C that of b. H_now is the recordings' information on the
-common parameters. An open parameter θ was not confirmed by the recordings, so only the information
-of the new flight counts. θ_0 is the value of θ without the effect. The expected significance u of θ
-in the new flight, and the probability P that θ is significant there, are
+**Information after the flight.** Each plan is simulated on the fitted model with noise, encoders
+and the default controller. The residuals are computed with the scales of the fit, and D_p are their
+derivatives. b are the separate values of the new recording. Λ_b is the part of the prior's
+precision that couples b to the common values. With block A for the common parameters and block C
+for b,
+
+    D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag [(H_now + A − B C⁻¹ Bᵀ)⁻¹]
+
+**Ranking.** The new flight alone has the information 1/σ_after² − 1/σ_now² on an open parameter θ.
+The old recordings do not count, because they did not confirm θ. With this information, θ − θ_0 is
+expected to be u standard deviations, and is significant with the probability P:
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE_975`)
 
-Plans are ranked by the mean of P over the open parameters, per second of flight. A parameter on
-which the recordings have little information is assumed to have at least its ``typical`` size.
+Plans are ranked by the mean of P over the open parameters, per second of flight. If the recordings
+have little information on θ, |θ − θ_0| is taken as at least the typical size of the effect.
 """
 
 from __future__ import annotations
@@ -30,7 +39,12 @@ import numpy as np
 from heli3dof.diagnosis.constants import MAX_COMPARED, QUANTILE_975
 from heli3dof.diagnosis.free_run.elimination import NORMAL
 from heli3dof.diagnosis.free_run.refits import least_squares
-from heli3dof.diagnosis.planning.plan_flights import flights_needed, fly_task, is_stable, task_of
+from heli3dof.diagnosis.planning.plan_flights import (
+    flights_needed,
+    is_stable,
+    rendered_plan,
+    simulated_plan,
+)
 from heli3dof.diagnosis.result import (
     MIN_CERTAINTY,
     NextExperiment,
@@ -48,28 +62,35 @@ from heli3dof.parallel import parallel_map
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """The parameter of a term on which the planned flight should decide.
+    """A parameter of an effect; the planned flight should show whether the rig has the effect.
 
-    It is the term's first parameter that all recordings share and that has no logarithmic scale.
-
-    ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
-    ``index``: of the scaled parameter; ``slope``: derivative of the value by the scaled one.
+    It is the effect's first parameter with one value for all recordings and without a logarithmic
+    scale.
     """
 
     name: str
+    """Name of the effect"""
     index: int
+    """Index of the parameter among the fit's parameters"""
     size: float
+    """Distance of the estimate from the parameter's value without the effect, in ``unit``"""
     std: float
+    """Standard deviation of the estimate before the flight, in ``unit``"""
     slope: float
+    """Derivative of the value in ``unit`` with respect to the scaled parameter of the fit"""
     unit: str
 
-    def margin(self, after: float) -> float:
-        """Return the evidence u² expected of a flight that lowers σ = ``std`` to ``after``."""
-        return self.size**2 * max(after**-2 - self.std**-2, 0.0)
+    def expected_chi2(self, std_after: float) -> float:
+        """Return u² = (size/σ)², where σ is the standard deviation by the planned flight alone.
+
+        With all flights, the planned one included, the standard deviation is ``std_after``. So
+        1/σ² = 1/``std_after``² − 1/``std``².
+        """
+        return self.size**2 * max(std_after**-2 - self.std**-2, 0.0)
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
-    """Return at most `MAX_COMPARED` parameters; each represents an undecided term."""
+    """Return one parameter for each undecided term, at most `MAX_COMPARED` parameters."""
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):
@@ -85,10 +106,11 @@ def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
 def next_free_flight(
     open_: UndecidedTerms, model: GreyBoxModel, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
-    """Return the recommended plan; None if no term is undecided or no plan is feasible.
+    """Return the recommended plan; None if no parameter is open or no plan is feasible.
 
-    ``model``: the fitted model, to be simulated. ``plans``: names of the plans to compare; by
-    default all.
+    ``open_``: terms of which a fit does not show whether the rig has them. ``model``: the fitted
+    model, on which the plans are simulated. ``plans``: names of the plans to compare; by default
+    all.
     """
     parameters = open_parameters(open_)
     if not parameters or not is_stable(model):
@@ -101,14 +123,14 @@ def next_free_flight(
         return None if A is None else np.sqrt(np.diag(np.linalg.inv(H + A)))
 
     deviations = parallel_map(std_after, len(loaded), what="plans")
-    outlooks = []
+    forecasts = []
     for plan, s in zip(loaded, deviations, strict=True):
         if s is not None:
-            margins = tuple(w.margin(s[w.index] * w.slope) for w in parameters)
-            outlooks.append(PlanForecast(plan.name, plan.duration_s, margins, _certainty(margins)))
-    if not outlooks:
+            chi2 = tuple(w.expected_chi2(s[w.index] * w.slope) for w in parameters)
+            forecasts.append(PlanForecast(plan.name, plan.duration_s, chi2, _certainty(chi2)))
+    if not forecasts:
         return None
-    ranking = sorted(outlooks, key=lambda o: -o.certainty / o.duration_s)
+    ranking = sorted(forecasts, key=lambda f: -f.certainty / f.duration_s)
     best = ranking[0]
     return NextExperiment(
         best.plan, tuple(open_.names if open_.tied else [w.name for w in parameters]),
@@ -126,39 +148,48 @@ def why_none(open_: UndecidedTerms | None) -> str:
     return "no plan is feasible on the fitted model with the default controller"
 
 
-def probability_significant(margin: float) -> float:
-    """Return the probability that a parameter with the expected evidence u² is significant.
+def probability_significant(chi2: float) -> float:
+    """Return the probability that the estimate of a parameter is significant at 5 %.
+
+    ``chi2`` = u²: the parameter's true distance from its value without the effect is u standard
+    deviations.
 
     >>> p = probability_significant
     >>> round(p(1.96**2), 2), round(p(16.0), 2)
     (0.5, 0.98)
     """
-    return NORMAL.cdf(math.sqrt(margin) - QUANTILE_975)
+    return NORMAL.cdf(math.sqrt(chi2) - QUANTILE_975)
 
 
 def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:
-    """Return the information (n, n) of a flight of ``plan`` on parameters shared by recordings.
+    """Return the information (n, n) that a flight of ``plan`` has on the n common parameters.
 
-    The flight is simulated. The result is None if the flight is not feasible.
+    The common parameters of ``fit`` are shared by all recordings. The flight is simulated on
+    ``model``. The result is None if the plan fails a check, if the flight leaves the safety
+    envelope, or if its recording cannot be used in a fit.
     """
-    task = task_of(plan, model.profile, seed)
-    flight = None if task is None else fly_task(task, model)
+    p = rendered_plan(plan, model.profile, seed)
+    flight = None if p is None else simulated_plan(p, model)
     if flight is None:
         return None
     try:
-        p = problem_of([flight], [t.name for t in fit.structure.terms])
+        problem = problem_of([flight], [t.name for t in fit.structure.terms])
     except RecordingError:
         return None
-    z = np.concatenate([fit.theta, fit.theta[p.own]])
+    z = np.concatenate([fit.theta, fit.theta[problem.own]])
     # Neighbouring windows overlap almost completely, so every other window suffices.
-    p = replace(p, flights=tuple(replace(f, starts=f.starts[::2]) for f in p.flights))
-    v = least_squares(fit, p)
+    flights = tuple(replace(f, starts=f.starts[::2]) for f in problem.flights)
+    problem = replace(problem, flights=flights)
+    v = least_squares(fit, problem)
     D = v.tangents(z, v.residuals(z))
-    return marginal(D @ D.T + coupling(p), p.n)
+    return marginal(D @ D.T + coupling(problem), problem.n)
 
 
 def marginal(H: np.ndarray, n: int) -> np.ndarray:
-    """Return the information (n, n) on the first n parameters, marginal over the others.
+    """Return the information (n, n) on the first n parameters, if the others are unknown.
+
+    It is the Schur complement of the others' block in the information matrix ``H`` of all
+    parameters.
 
     >>> marginal(np.array([[2.0, 1.0], [1.0, 1.0]]), 1)
     array([[1.]])
@@ -168,9 +199,11 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 
 
 def coupling(p: MultiStep) -> np.ndarray:
-    """Return Λ_b (dim, dim), which couples the recordings' own values to common parameters.
+    """Return Λ_b (dim, dim): the prior's precision that couples separate values to common values.
 
-    It is the prior's precision minus that of the common parameters alone.
+    ``p`` has dim unknowns: the common values of its parameters, and for some parameters also a
+    separate value in each recording. The prior of a separate value is normal about the common
+    value. Λ_b is the prior's precision of all unknowns, minus that of the common values alone.
     """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=()).prior
@@ -179,9 +212,9 @@ def coupling(p: MultiStep) -> np.ndarray:
 
 def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) -> str:
     each = ", ".join(
-        f"{w.name} with a probability of {percent(probability_significant(m))} "
+        f"{w.name} with a probability of {percent(probability_significant(chi2))} "
         f"(if its size is {f'{w.size:.2g} {w.unit}'.removesuffix(' –')})"
-        for w, m in zip(parameters, best.margins, strict=True)
+        for w, chi2 in zip(parameters, best.margins, strict=True)
     )
     text = "these causes are confounded; " if tied else ""
     text += (
@@ -193,9 +226,10 @@ def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) ->
     return text
 
 
-def _certainty(margins: Sequence[float], flights: int = 1) -> float:
-    """Return the mean probability that the parameters are significant after some flights.
+def _certainty(chi2: Sequence[float], flights: int = 1) -> float:
+    """Return the probability that a parameter is significant after some flights of a plan.
 
-    ``margins``: u² of one flight for each parameter; those of several flights add.
+    The result is the mean over the parameters. ``chi2``: u² (`OpenParameter.expected_chi2`) of each
+    parameter for one flight. The u² of several flights add up.
     """
-    return float(np.mean([probability_significant(flights * m) for m in margins]))
+    return float(np.mean([probability_significant(flights * u2) for u2 in chi2]))

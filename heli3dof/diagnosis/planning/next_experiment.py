@@ -1,17 +1,26 @@
-"""Recommend the plan that separates the confounded causes in the shortest time.
+"""Recommend the plan that separates confounded causes in the shortest time.
 
-For each cause i, every plan is simulated in closed loop on the base model with this cause at its
-estimated size, with noise and encoders. The score test (`search.score_test`) gives the score of
-each cause j. z_j is this score minus that on a flight simulated without these causes:
+Causes are confounded if they explain the recordings almost equally well. A plan separates them if
+a flight of it shows which cause the rig has. To predict this, each plan is simulated once for each
+cause i: in closed loop with noise and encoders, on a model that contains cause i. The plan is also
+simulated on the base model, which contains none of these causes. The size of a cause is its
+estimate or, without an estimate, a typical value.
 
-    margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i
+The score test (`search.score_test`) computes a statistic of each cause j for each flight. z_j is
+the statistic in the flight with cause i, minus the statistic in the flight without causes. z_j² is
+about twice the increase in log-likelihood that cause j gives to the model. If the test evaluates a
+cause at several sizes, its largest z_j² counts. So cause i is expected to be ahead of the best
+other cause by the margin
 
-For a single cause, margin = z². Plans are ranked by margin/duration. z² is twice the increase in
-log-likelihood by a cause. So for two simple hypotheses with the expected margin m, the margin of a
-real flight has the distribution N(m, 4 m). The certainty is the probability that this margin
-exceeds `TIE`, averaged over the causes i with the expected margins m_i:
+    m_i = z_i² − max_{j≠i} z_j²,        m_i = z_i² if there is no other cause
 
-    certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
+The margin of the plan is the smallest m_i. Plans are ranked by margin/duration.
+
+On a real flight, the margin varies at random. For two causes of known sizes, it is normal with the
+mean m_i and the variance 4 m_i. The flight decides in favour of cause i if the margin exceeds
+`TIE`. The certainty is the probability of this decision, averaged over the causes:
+
+    certainty = mean_i Φ((m_i − TIE) / (2 √m_i)),        Φ counts as 0 if m_i ≤ 0
 """
 
 from __future__ import annotations
@@ -27,11 +36,11 @@ from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_fli
 from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import (
-    Task,
+    RenderedPlan,
     flights_needed,
-    fly_task,
     is_stable,
-    task_of,
+    rendered_plan,
+    simulated_plan,
 )
 from heli3dof.diagnosis.result import (
     DOES_NOT_PAY,
@@ -85,10 +94,12 @@ def recommend(
     plans: Sequence[str] | None = None,
     seed: int = 0,
 ) -> NextExperiment:
-    """Return the plan that distinguishes the confounded causes in the shortest time.
+    """Return the plan that separates the ``causes`` in the shortest time.
 
     ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
-    Raises UsageError if each plan leaves the safety envelope or is unstable on at least one model.
+    Each plan is simulated on the model of ``base``, and on this model with each cause added. Raises
+    UsageError if no plan stays inside the safety envelope on all models, or if the controller does
+    not stabilise one of them.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
@@ -98,18 +109,19 @@ def recommend(
     o = base.optimum
     with_causes = (with_term_at(base.problem, o.theta, c.term, c.values) for c in causes)
     models = [model_at(*x, o.noise) for x in ((base.problem, o.theta), *with_causes)]
-    tasks = []
+    rendered = []
     if all(map(is_stable, models)):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-        tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
-    outlooks = _outlooks(base, tasks, models, groups)
-    if not outlooks:
+        every = (rendered_plan(plan, profile, seed) for plan in loaded)
+        rendered = [p for p in every if p is not None]
+    forecasts = _forecasts(base, rendered, models, groups)
+    if not forecasts:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
             cause="every plan leaves the envelope of this profile on at least one of the models.",
             fix="widen [limits] in the profile, or write a gentler plan",
         )
-    ranking = tuple(sorted(outlooks, key=lambda o: -o.margin / o.duration_s))
+    ranking = tuple(sorted(forecasts, key=lambda f: -f.margin / f.duration_s))
     best = ranking[0]
     return NextExperiment(
         best.plan, tuple(names), _why(best, names), round(best.certainty, 3), ranking
@@ -117,15 +129,20 @@ def recommend(
 
 
 def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
-    """Return the recommended experiment for the first of these that a diagnosis has, or None:
+    """Return the flight plan that should answer an open question of the diagnosis ``found``.
 
-    1. the terms that a fit to free-run predictions left undecided (`planning.free_run_plan`)
-    2. the first finding with confounded causes that a flight can separate
-    3. without findings: a cause that held-out data do not confirm
-    4. without findings: an effect that the recordings could not show
+    The function takes the first question in this list that is open:
 
-    For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`, or if a base
-    parameter off nominal is confounded with other causes.
+    1. The diagnosis used free-run predictions: does the rig have the terms that they left
+       undecided (`planning.free_run_plan`)?
+    2. A finding is confounded with causes that a flight can separate: which does the rig have?
+    3. The search selected a cause that held-out data do not confirm: does the rig have it?
+    4. The recordings cannot show an effect, even if it is large: does the rig have it?
+
+    Questions 3 and 4 are open only if the diagnosis has no findings, and if no base parameter off
+    nominal is confounded with other causes. The result is None if no question is open, or if no
+    plan is feasible. For questions 3 and 4, it is also None if a flight of the plan would decide
+    with a probability below `MIN_CERTAINTY`.
     """
     if found.fitted is not None and found.fitted.open is not None:
         return next_free_flight(found.fitted.open, found.fitted.model, seed=seed)
@@ -180,7 +197,10 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
 
 
 def _probability_decided(margin: float) -> float:
-    """Return the probability of a decision, P(X > TIE) for X ~ N(margin, 4 margin).
+    """Return the probability that a flight decides between causes: P(X > `TIE`).
+
+    X ~ N(m, 4 m) is the evidence for the true cause against the best other cause, in units of
+    2 ln L (L: likelihood). m = ``margin`` is its expected value; for m ≤ 0 the result is 0.
 
     >>> p = _probability_decided
     >>> p(6.0), round(p(30.0), 3), p(-1.0)
@@ -189,39 +209,41 @@ def _probability_decided(margin: float) -> float:
     return 1 - NormalDist(margin, 2 * math.sqrt(margin)).cdf(TIE) if margin > 0 else 0.0
 
 
-def _outlooks(
+def _forecasts(
     base: Estimate,
-    tasks: Sequence[Task],
+    plans: Sequence[RenderedPlan],
     models: Sequence[GreyBoxModel],
     groups: Sequence[Sequence[Probe]],
 ) -> list[PlanForecast]:
-    """Return the forecasts of the plans that all ``models`` can fly.
+    """Return, for each feasible plan, how well it is expected to separate the causes.
 
-    ``models``: the base model, then one with each cause. ``groups``: for each cause, the trial
-    sizes at which the score test evaluates it.
+    ``models``: the base model without the causes, then one model for each cause, which contains it.
+    A plan is feasible if its simulated flight stays inside the safety envelope on each model.
+    ``groups``: for each cause, the trial sizes at which the score test evaluates it.
     """
     n, flat = len(models), [p for group in groups for p in group]
     starts = np.cumsum([0, *map(len, groups[:-1])])
-    z = parallel_map(lambda k: _scores(base, tasks[k // n], models[k % n], flat), n * len(tasks))
+    z = parallel_map(lambda k: _scores(base, plans[k // n], models[k % n], flat), n * len(plans))
     out = []
-    for i, task in enumerate(tasks):
+    for i, p in enumerate(plans):
         scores = [x for x in z[n * i : n * (i + 1)] if x is not None]
         if len(scores) == n:
             without, *with_cause = scores
             margins = tuple(_margin(x - without, j, starts) for j, x in enumerate(with_cause))
             certainty = float(np.mean([_probability_decided(m) for m in margins]))
-            out.append(PlanForecast(task.plan.name, task.plan.duration_s, margins, certainty))
+            out.append(PlanForecast(p.plan.name, p.plan.duration_s, margins, certainty))
     return out
 
 
 def _scores(
-    base: Estimate, task: Task, model: GreyBoxModel, probes: Sequence[Probe]
+    base: Estimate, plan: RenderedPlan, model: GreyBoxModel, probes: Sequence[Probe]
 ) -> np.ndarray | None:
-    """Return the score-test statistics z (P,) of P trial effects on a simulated flight.
+    """Return the score-test statistics z (P,) of P trial effects ``probes`` for a simulated flight.
 
-    The result is None if the flight is not feasible or has no usable rows.
+    The flight of ``plan`` is simulated on ``model``. The test is that of the fit ``base``. The
+    result is None if the flight leaves the safety envelope or has no usable rows.
     """
-    flight = fly_task(task, model)
+    flight = simulated_plan(plan, model)
     if flight is None or not (runs := usable_runs(flight, 0)):
         return None
     problem = replace(base.problem, data=data_of([flight], runs))
@@ -233,8 +255,8 @@ def _scores(
 def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
 
-    ``z`` (P,): score-test statistics of P trial sizes of the causes, on a flight simulated with
-    cause ``i``. ``starts``: index in ``z`` of each cause's first trial size.
+    ``z`` (P,) contains the score-test statistics of all causes, each at several trial sizes, for a
+    flight simulated with cause ``i``. ``starts``: index in ``z`` of each cause's first trial size.
     """
     highest = np.maximum.reduceat(z**2, starts)
     return float(highest[i] - np.delete(highest, i).max(initial=0.0))

@@ -1,9 +1,11 @@
-"""Simulate plans on a model in closed loop, to compute what the flights would show.
+"""Simulate a plan's flight in closed loop on a model, to predict what a real flight would show.
 
-A flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`),
-which needs the references of the whole flight. If a plan opens control loops, the references depend
-on the motion: a loop is closed again where its axis then stands. Such a plan is first simulated
-without noise, to get these references (`heli3dof.model.control.controller`).
+The flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`).
+The references of the whole flight must be known before. But if a plan opens the control loop of an
+axis, the references depend on the motion. While the loop is open, the reference is the measured
+angle. After the loop has closed, the reference returns from this angle to that of the plan
+(`heli3dof.model.control.controller`). So such a plan is first simulated without noise, to compute
+its references.
 """
 
 from __future__ import annotations
@@ -30,26 +32,30 @@ MOST_FLIGHTS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """A plan, converted to a rig's references in each control period, to be simulated on models."""
+class RenderedPlan:
+    """A plan with the reference angles and added voltages of each control period of one rig."""
 
     plan: Plan
     signals: Signals
+    """References and added voltages"""
     profile: Profile
+    """Profile of the rig"""
     seed: int
+    """Seed of random signals and of the simulated noise"""
 
 
-def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
-    """Return the plan as references for a rig; None if it fails a check (e.g. safety envelope).
+def rendered_plan(plan: Plan, profile: Profile, seed: int) -> RenderedPlan | None:
+    """Return the plan with its reference angles and added voltages for a rig.
 
-    If the profile's controller is unknown, the default one is used.
+    The result is None if the plan fails a check, for example because a reference is outside the
+    safety envelope. If the profile's controller is unknown, the default one is used.
     """
     profile = profile.with_controller()
     try:
         signals = checked(plan, profile, seed)
     except (UsageError, CheckFailed):
         return None
-    return Task(plan, signals, profile, seed)
+    return RenderedPlan(plan, signals, profile, seed)
 
 
 def is_stable(model: GreyBoxModel) -> bool:
@@ -64,21 +70,21 @@ def is_stable(model: GreyBoxModel) -> bool:
     return True
 
 
-def fly_task(task: Task, model: GreyBoxModel) -> Recording | None:
-    """Return the task's flight on ``model``, simulated in closed loop with noise.
+def simulated_plan(p: RenderedPlan, model: GreyBoxModel) -> Recording | None:
+    """Return a flight of the plan on ``model``, simulated in closed loop with noise.
 
     The profile's controller must stabilise the model (`is_stable`). The result is None if the
-    flight leaves the envelope, or if `simulate` raises an error for a plan that opens control
-    loops.
+    flight leaves the safety envelope. For a plan that opens control loops, it is also None if the
+    simulation without noise (`simulate`) raises an error.
     """
-    if task.signals.opened is None:
-        references = _reference_recording(task)
+    if p.signals.opened is None:
+        references = _reference_recording(p)
     else:
         try:
-            references = simulate(task.plan, model, profile=task.profile, seed=task.seed)
+            references = simulate(p.plan, model, profile=p.profile, seed=p.seed)
         except (UsageError, CheckFailed):
             return None
-    flight = simulated_flight(model, references, np.random.default_rng([task.seed, 5]))
+    flight = simulated_flight(model, references, np.random.default_rng([p.seed, 5]))
     return flight if inside_envelope(flight) else None
 
 
@@ -89,22 +95,26 @@ def inside_envelope(flight: Recording) -> bool:
     return all(envelope.check(0.0, a, rates, volts, volts) is None for a in ends)
 
 
-def _reference_recording(task: Task) -> Recording:
-    """Return a recording at rest on the table, with the plan's references and extra voltages."""
-    s = task.signals
+def _reference_recording(p: RenderedPlan) -> Recording:
+    """Return an artificial recording with the references and extra voltages of the plan.
+
+    `simulated_flight` reads these columns and the first angles. All angles are those of the rig at
+    rest on the table, and all motor voltages are zero.
+    """
+    s = p.signals
     n = len(s.t)
-    rest = np.tile(task.profile.encoder.rest_rad, (n, 1))
+    rest = np.tile(p.profile.encoder.rest_rad, (n, 1))
     return recording_of_arrays(
-        s.t, np.zeros((n, 2)), rest, task.profile,
+        s.t, np.zeros((n, 2)), rest, p.profile,
         reference=s.reference, voltage_extra=s.extra,
         channels={"phase": np.full(n, float(CLOSED_LOOP))},
     )  # fmt: skip
 
 
 def flights_needed(certainty: Callable[[int], float]) -> str:
-    """Return, as text, the number of flights after which a decision is likely (`MIN_CERTAINTY`).
+    """Return a sentence: how many flights decide with at least the probability `MIN_CERTAINTY`.
 
-    ``certainty`` returns the probability of a decision after a number of flights.
+    ``certainty`` is a function that returns the probability of a decision after n flights.
 
     >>> flights_needed(lambda flights: flights / 6)
     '3 such flights decide with a probability of 50 %. Or measure one effect by hand'

@@ -1,4 +1,4 @@
-"""Residual torques, which the fitted model lacks: an estimate over time, and a basis of functions.
+"""Estimate a residual torque (a torque that the fitted model lacks) over time.
 
 The filter's process noise is white angular acceleration of intensity a² ((rad/s²)²/Hz). Bryson and
 Frazier's smoother estimates this acceleration d and the residual torque τ in row k:
@@ -8,12 +8,13 @@ Frazier's smoother estimates this acceleration d and the residual torque τ in r
 h (s) is the time to the next row, L the likelihood, M (kg·m²) the mass matrix. τ̂ is accurate below
 the filter's bandwidth (a few Hz) and attenuated above it.
 
-**Hat functions.** A piecewise linear torque of a variable z of `UNITS` is
+**Hat functions.** A torque that is a piecewise linear function of a variable z of `UNITS` is
 
     f(z) = Σ_j τ_j φ_j(z)  (N·m),      φ_j falls linearly from 1 at knot j to 0 at its neighbours
 
-The `KNOTS` knots are evenly spaced between z's quantiles `TAIL` and 1 − `TAIL` in the flight;
-beyond the outer knots f is constant. A group is one variable on one axis and has `KNOTS` columns.
+The `KNOTS` knots are evenly spaced between the quantiles `TAIL` and 1 − `TAIL` of z in the flight.
+Beyond the outer knots f is constant. The `KNOTS` hat functions φ_j of one variable on one axis form
+a group.
 """
 
 from __future__ import annotations
@@ -81,9 +82,11 @@ class LinearisedRun:
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the log-likelihood's derivatives by each row's torque and acceleration.
+        """Return the derivatives of the log-likelihood with respect to torque and acceleration.
 
-        Both are (N, 3), in 1/(N·m) and s²/rad.
+        The result contains two arrays (N, 3), one value for each row and axis. The first is the
+        derivative with respect to the torque, in 1/(N·m). The second is the derivative with respect
+        to the acceleration, in s²/rad.
         """
         from heli3dof.diagnosis.unmodelled.residual_torque_passes import gradient
 
@@ -115,10 +118,11 @@ class LinearisedRun:
         return np.asarray(out)
 
     def variable(self, name: str) -> np.ndarray:
-        """Return the variable ``name`` of `UNITS` (N,) in SI units.
+        """Return the values (N,) of a variable, or of a product of two variables, in SI units.
 
-        The name may also be a sine (``sin(roll)``), a cosine, an absolute value (``abs(roll)``), or
-        a product of two of all these.
+        ``name`` is a key of `UNITS`, such as ``roll``, or the sine ``sin(roll)``, cosine
+        ``cos(roll)`` or absolute value ``abs(roll)`` of such a variable. Two such names can be
+        multiplied: ``sin(roll)*pitch``.
         """
         if "*" in name:
             one, other = name.split("*")
@@ -192,10 +196,10 @@ def along(
 
 @dataclass(frozen=True, eq=False)
 class Hats:
-    """The hat functions of M variables on A axes.
+    """The hat (triangular) functions of M variables, each as a torque on each of A axes.
 
-    The function of an axis, a variable and a knot is column (axis · M + variable) · `KNOTS` + knot,
-    with indices from zero.
+    The hat functions have the index (axis · M + variable) · `KNOTS` + knot. Axis, variable and knot
+    are indices from zero.
     """
 
     variables: tuple[str, ...]
@@ -206,7 +210,7 @@ class Hats:
 
     @property
     def groups(self) -> tuple[tuple[int, str], ...]:
-        """Return (index of the axis, variable) of each group of hat functions."""
+        """Return (index of the axis, variable) of each group of `KNOTS` hat functions."""
         return tuple((int(a), v) for a in self.axes for v in self.variables)
 
     def columns(self, group: int) -> slice:
@@ -273,29 +277,51 @@ class HatScores:
     """(groups, KNOTS, KNOTS) information within each group"""
     cross: np.ndarray
     """(p, J) information shared by the fit's p parameters and the functions"""
-    traces: np.ndarray
-    """(wanted, E) changes δc of the predictions by the wanted functions"""
 
 
-def sums_along(
-    library: Hats, flight: LinearisedRun, tangents: np.ndarray, wanted: np.ndarray | None = None
-) -> HatScores:
-    """Return scores and information of all hat functions in ``library``.
+def hat_scores(library: Hats, flight: LinearisedRun, tangents: np.ndarray) -> HatScores:
+    """Return scores and information of the coefficients of all hat functions in ``library``.
 
-    ``tangents`` (p, E): derivatives of the E predictions by the fit's p parameters. ``wanted``:
-    columns of the functions for which the result also contains the changes δc of the predictions;
-    none by default.
+    ``tangents`` (p, E): derivatives of the E predicted encoder readings with respect to the fit's p
+    parameters.
     """
-    from heli3dof.diagnosis.unmodelled.residual_torque_passes import forced
+    return _forward_pass(library, flight, tangents, np.empty((0, len(flight.at.row))))
+
+
+def hat_sensitivities(library: Hats, flight: LinearisedRun, group: int) -> np.ndarray:
+    """Return the derivatives (KNOTS, E) of the E predicted encoder readings by torque coefficients.
+
+    The torque acts on one axis and is a piecewise linear function of one variable. The coefficients
+    are the torques (N·m) at its `KNOTS` knots. ``group``: index of the axis and the variable in
+    ``library.groups``.
+    """
+    axis, variable = library.groups[group]
+    m = library.variables.index(variable)
+    one = Hats((variable,), np.array([axis], dtype=np.int64), library.knots[m : m + 1])
+    E = len(flight.at.row)
+    sensitivities = np.zeros((KNOTS, E))
+    _forward_pass(one, flight, np.empty((0, E)), sensitivities)
+    return sensitivities
+
+
+def _forward_pass(
+    library: Hats, flight: LinearisedRun, tangents: np.ndarray, sensitivities: np.ndarray
+) -> HatScores:
+    """Return `hat_scores`; write the derivatives of the readings to ``sensitivities``.
+
+    They are the derivatives (J, E) of E predicted encoder readings by the coefficients of J hat
+    functions. If ``sensitivities`` has the shape (0, E), they are not written.
+    """
+    from heli3dof.diagnosis.unmodelled.residual_torque_passes import sum_hat_scores
 
     left, share = library.knot_positions(flight)
     d, at = flight.data, flight.at
     groups = len(library.groups)
-    keep = np.zeros(0, dtype=np.int64) if wanted is None else np.asarray(wanted, dtype=np.int64)
     u, V = np.zeros(groups * KNOTS), np.zeros((groups, KNOTS, KNOTS))
-    cross, traces = np.zeros((len(tangents), groups * KNOTS)), np.zeros((len(keep), len(at.row)))
-    forced(
+    cross = np.zeros((len(tangents), groups * KNOTS))
+    sum_hat_scores(
         d.blocks, d.h, flight.A, flight.B, flight.slope, at.row, at.state, at.g, at.w, at.K,
-        left, share, np.ascontiguousarray(tangents), library.axes, keep, KNOTS, u, V, cross, traces,
+        left, share, np.ascontiguousarray(tangents), library.axes, KNOTS, u, V, cross,
+        sensitivities,
     )  # fmt: skip
-    return HatScores(u, V, cross, traces)
+    return HatScores(u, V, cross)

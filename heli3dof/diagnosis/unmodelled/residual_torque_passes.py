@@ -1,4 +1,4 @@
-"""Compiled loops: first-order change of the likelihood by an additional torque.
+"""Compiled loops: compute how an additional torque changes the likelihood, to first order.
 
 The filter's gains are held fixed, and the model is linearised along its states x = (q, q̇), in rad
 and rad/s. A small torque τ (N·m) during row k, h s long, changes the predicted x by δx = (δq, δq̇):
@@ -10,8 +10,8 @@ and rad/s. A small torque τ (N·m) during row k, h s long, changes the predicte
 An event is an update by an encoder reading (`heli3dof.model.estimation.ekf_quantised`). It has the
 prediction c, score g, information w and gain K; s is the slope of the reading. To first order, the
 log-likelihood ln L changes by Σ g δc. `gradient` is the adjoint: one backward pass computes
-ν_k = ∂ ln L/∂τ_k for each row and axis. A torque f then has the score Σ f_k ν_k. `forced` computes
-δc of many torques in one forward pass, and sums their information.
+ν_k = ∂ ln L/∂τ_k for each row and axis. A torque f then has the score Σ f_k ν_k. `sum_hat_scores`
+computes δc of many torques in one forward pass, and sums their scores and their information.
 """
 
 from __future__ import annotations
@@ -70,10 +70,11 @@ linear = compiled(_linear, error_model="numpy", nogil=True)
 
 
 def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ignore[no-untyped-def]
-    """Write the derivatives of the log-likelihood ln L by row k's torques and accelerations.
+    """Write the derivatives of the log-likelihood ln L with respect to torques and accelerations.
 
     ``nu`` (N, 3) = ∂ ln L/∂τ_k for the torques τ_k (N·m), ``mu`` (N, 3) = ∂ ln L/∂q̈_k for the
-    accelerations q̈_k (rad/s²). Both are constant during a row.
+    accelerations q̈_k (rad/s²). τ_k and q̈_k act from the sample of row k to that of row k + 1, and
+    are constant in this interval.
     """
     n = row.shape[0] - 1
     z, acc = np.empty(6), np.empty(3)
@@ -110,18 +111,28 @@ def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ign
 gradient = compiled(_gradient, error_model="numpy", nogil=True)
 
 
-def _forced(  # type: ignore[no-untyped-def]
-    blocks, h, A, B, slope, row, state, G, W, K, left, share, tangents, axes, wanted, knots,
-    score, information, cross, traces,
+def _sum_hat_scores(  # type: ignore[no-untyped-def]
+    blocks, h, A, B, slope, row, state, G, W, K, left, share, tangents, axes, knots,
+    score, information, cross, sensitivities,
 ):  # fmt: skip
-    """Sum score and information of J hat functions.
+    """Sum the scores and the information of J torque coefficients (N·m) over E encoder readings.
 
-    Each of M variables has ``knots`` functions on each of ``axes``. ``left``, ``share`` (N, M): the
-    knot below the variable's value, and the fraction of the way to the next one. Results:
+    The torque on each of ``axes`` is a piecewise linear function of each of M variables. Such a
+    function is a sum of hat (triangular) functions times coefficients; it has one hat function for
+    each of its ``knots``. So J is (number of axes) · M · ``knots``, and a group is the
+    coefficients of one axis and one variable. Arguments:
 
-    - ``score`` (J,) and ``information`` (groups, knots, knots)
-    - ``cross`` (n, J): information shared with the n parameters of ``tangents`` (n, E)
-    - ``traces`` (len(wanted), E): δc caused by the functions ``wanted``, numbered as in `Hats`
+    - ``left`` (N, M): index of the knot below the variable's value in each of N rows
+    - ``share`` (N, M): position of the value between this knot (0) and the next one (1)
+    - ``tangents`` (n, E): derivatives of the predicted readings by n other parameters
+
+    Results, written to the last four arguments:
+
+    - ``score`` (J,): derivatives of the log-likelihood by the coefficients
+    - ``information`` (groups, knots, knots): Fisher information of the coefficients in each group
+    - ``cross`` (n, J): Fisher information shared by the n other parameters and the coefficients
+    - ``sensitivities`` (J, E): derivatives of the predicted readings by the coefficients; an array
+      (0, E) if they are not needed
     """
     M = left.shape[1]
     groups = axes.shape[0] * M
@@ -155,8 +166,8 @@ def _forced(  # type: ignore[no-untyped-def]
                         wd = w * dc[o + i]
                         for j in range(i + 1):
                             information[q, i, j] += wd * dc[o + j]
-                for p in range(wanted.shape[0]):
-                    traces[p, n] = dc[wanted[p]]
+                for p in range(sensitivities.shape[0]):
+                    sensitivities[p, n] = dc[p]
                 for i in range(6):
                     kw = K[n, i] * w
                     for j in range(J):
@@ -187,14 +198,15 @@ def _forced(  # type: ignore[no-untyped-def]
                 information[q, j, i] = information[q, i, j]
 
 
-forced = compiled(_forced, error_model="numpy", nogil=True)
+sum_hat_scores = compiled(_sum_hat_scores, error_model="numpy", nogil=True)
 
 
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
     """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J).
 
-    ν_k is the derivative of ln L by the torque in row k (``nu``, from `_gradient`), z_k the value
-    of the variable of φ. The sum is over the rows k of a block.
+    ν_k is the derivative of the log-likelihood by the torque in row k (``nu``, from `_gradient`).
+    z_k is the value of the function's variable. The sum is over the rows k of a block; ``which``
+    (N,) is the block number of each row.
     """
     M = left.shape[1]
     for k in range(nu.shape[0]):

@@ -1,9 +1,10 @@
-"""Scores and information of free-form torques and of a fit's parameters, from a recorded flight.
+"""Scores and information of residual torques and of a fit's parameters, from a recorded flight.
 
-A fit has p scaled parameters θ (`FreeParameter.scaled`), with prior mean θ_0 and information Λ.
-T (p, E) are the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings'
-information. D (K, E) are the derivatives by K coefficients of free-form torques
-(`unmodelled.residual_torque`). Then
+A residual torque is a torque that the fitted model lacks. It is a linear combination of functions
+with K coefficients (`unmodelled.residual_torque`). The fit has p scaled parameters θ
+(`FreeParameter.scaled`), with prior mean θ_0 and prior information Λ. c (E,) are the predicted
+encoder readings, and w (E,) is their information. T (p, E) are the derivatives ∂c/∂θ, D (K, E)
+those of c with respect to the K coefficients. Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
@@ -13,9 +14,9 @@ B flights of the fitted rig are simulated, without residual torque. Their scores
 the prior, so the mean score is the filter's bias ḡ (`bias_correction.correction`). If flights
 cannot be simulated, the scores are computed for half-second blocks of the recorded flight.
 
-**Similarity.** cos is the correlation of two changes of the predicted readings: by a torque, and by
-a probe of a candidate effect (`search.score_test`). θ is projected out of both. If |cos| exceeds
-`LIKE`, the torque is reported as "…-like", with the name of the effect.
+**Similarity.** A residual torque and a candidate effect of trial size (`search.score_test`) both
+change the predicted readings. cos is the correlation of these two changes, with θ projected out of
+both. If |cos| exceeds `LIKE`, the torque is reported as "…-like", with the name of the effect.
 """
 
 from __future__ import annotations
@@ -66,7 +67,10 @@ CONSTANT_MEMORY_S = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Nuisance:
-    """Parameters projected out of every score: those of the fit and of accepted torques."""
+    """Nuisance parameters, projected out of every score: those of the fit and of accepted torques.
+
+    Accepted torques are residual torques that the search has already found.
+    """
 
     tangents: np.ndarray
     """(p, E) derivatives of the predicted readings"""
@@ -94,11 +98,14 @@ class Nuisance:
         columns: np.ndarray,
         null: Scores | None,
     ) -> Nuisance:
-        """Return these parameters, extended by the coefficients of a torque's hat functions.
+        """Return these nuisance parameters, extended by the coefficients of a further torque.
 
-        ``D`` (KNOTS, E): derivatives of the E predictions by the coefficients. ``P`` (KNOTS, rank):
-        combinations of coefficients on which the flight has information; only these are added.
-        ``columns`` (KNOTS,): the coefficients' columns in ``null.u``.
+        The torque is a sum of `KNOTS` hat functions times coefficients. ``D`` (KNOTS, E):
+        derivatives of the E predicted encoder readings with respect to the coefficients. ``P``
+        (KNOTS, rank): linear combinations of the coefficients on which the flight has information.
+        Only these combinations are added. ``null``: scores in null simulations, or None without
+        such simulations. ``columns`` (KNOTS,): indices of the columns of ``null.u`` with the scores
+        of the coefficients.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -114,10 +121,11 @@ class Nuisance:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """A fit's filter run, from which the scores of the residual torques in ``library`` follow.
+    """The data of a test for residual torques, that is, for torques that the fitted model lacks.
 
-    ``null``: these scores in flights simulated without such torques; None if no flights were
-    simulated.
+    ``flight`` is the Kalman filter's run over the recordings, ``library`` a set of torques. The
+    scores of these torques are computed from ``flight``. ``null``: the same scores in flights
+    simulated without residual torque; None if no flights were simulated.
     """
 
     fit: CorrectedFit
@@ -129,13 +137,21 @@ class Evidence:
 
     @cached_property
     def path(self) -> Path:
-        """Return the filter's states and derivatives, which give a torque's effect on readings."""
+        """Return the Kalman filter's states, and the model's Jacobians ∂q̈/∂(q, q̇) at these states.
+
+        `perturbation.forward` computes from them how a small torque changes the predicted encoder
+        readings.
+        """
         problem, o = self.fit.problem, self.fit.optimum
         return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
 
 
 def evidence_without_nulls(fit: CorrectedFit) -> Evidence:
-    """Return the evidence for torques in the fitted recordings, without simulated flights."""
+    """Return the data of a test for residual torques, from the recordings of ``fit`` alone.
+
+    A residual torque is a torque that the fitted model lacks. No flights are simulated, so ``null``
+    is None in the result.
+    """
     flight = linearised_run(fit)
     library = hats(flight, np.flatnonzero(fit.problem.data.axes))
     return Evidence(fit, flight, library, None, Nuisance.of_fit(fit, flight))
@@ -144,9 +160,11 @@ def evidence_without_nulls(fit: CorrectedFit) -> Evidence:
 def evidence(
     fit: CorrectedFit, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
-    """Return the evidence for residual torques in the recordings that ``fit`` was fitted to.
+    """Return the data of a test for residual torques in the ``recordings`` of ``fit``.
 
-    It includes ``flights`` null simulations if ``fit`` was bias-corrected by simulated flights.
+    A residual torque is a torque that the fitted model lacks. If ``fit`` was bias-corrected by
+    simulated flights, the result contains the scores of ``flights`` further simulated flights
+    without residual torque (``null``).
     """
     x = evidence_without_nulls(fit)
     if not fit.is_corrected:
@@ -164,18 +182,23 @@ def coloured_noise_ratio(
     white: float,
     chance: float,
 ) -> float:
-    """Return ρ ≥ 1, the ratio of the variance of a torque's scores to that with white noise.
+    """Return ρ ≥ 1, the factor by which coloured noise increases the variance of a torque's score.
 
-    The torque has K coefficients, estimated as ``torque`` (K,). ``D`` (K, E) are the derivatives of
-    the E predicted readings by these coefficients. First, the torque's effect is subtracted from
-    the readings' scores. Then the scores of k linear combinations of the coefficients are summed
-    over blocks of time. V is the information of these sums, S their long-run covariance
-    (`bias_correction.coloured_noise`).
+    The torque is linear in K coefficients with the estimate ``torque`` (K,). Its score is the
+    derivative of the log-likelihood ln L with respect to the coefficients. ``D`` (K, E) are the
+    derivatives ∂c/∂(coefficients) of the E predicted encoder readings c. For k linear combinations
+    of the coefficients, a ratio is computed in four steps:
 
-    ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``). The first ratio is for the
-    combinations ``P`` (K, k), the second for a constant torque (k = 1). ``white`` is the value of
-    tr(V⁺ S)/k with white noise. A ratio is ignored if white noise exceeds it with a probability
-    above ``chance``. ``nuisance``: parameters projected out.
+    1. Subtract the effect of the estimated torque from the derivatives ∂ ln L/∂c.
+    2. From these, compute the score (k,) of each half-second block of the flight.
+    3. S (k, k) is the long-run covariance of the sum of these scores (Newey and West,
+       `bias_correction.coloured_noise`). V (k, k) is the Fisher information of the combinations.
+    4. The ratio is tr(V⁺ S)/(k ``white``). ``white`` is the value of tr(V⁺ S)/k with white noise.
+
+    A ratio counts as 1 unless it exceeds the 1 − ``chance`` quantile of its distribution with white
+    noise. ρ is the larger of two ratios, but at least 1. One ratio is for the columns of ``P``
+    (K, k), with the parameters ``nuisance`` projected out of ``D``. The other is for a constant
+    torque (k = 1).
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -205,8 +228,9 @@ def coloured_noise_ratio(
 def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
     """Return the eigenvectors (KNOTS, rank) of V (KNOTS, KNOTS) with large enough eigenvalues.
 
-    These exceed `RANK_TOLERANCE` times the largest eigenvalue of ``full``, which is V before the
-    fit's parameters are projected out.
+    V is the information matrix of `KNOTS` coefficients. ``full`` is V before the fit's parameters
+    were projected out. An eigenvalue is large enough if it exceeds `RANK_TOLERANCE` times the
+    largest eigenvalue of ``full``.
     """
     values, vectors = np.linalg.eigh(0.5 * (V + V.T))
     return np.asarray(
@@ -264,8 +288,8 @@ def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray)
 def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
     """Return names and traces (P, E) of P trial effects: candidate causes that ``fit`` lacks.
 
-    A trace is the change of the E predicted readings by the effect, at trial values of its
-    parameters.
+    A trace (E,) is the change of the E predicted encoder readings if the effect is added to the
+    model, with trial values of its parameters.
     """
     problem, o = fit.problem, fit.optimum
     axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
@@ -287,11 +311,13 @@ def similarity(
     tangents: np.ndarray,
     A: np.ndarray,
 ) -> tuple[str, float]:
-    """Return (most similar cause, |cos|) of a torque that changes predictions by ``trace`` (E,).
+    """Return (name of the most similar cause, |cos|) for a torque.
 
-    cos is the correlation of the changes by torque and cause. ``named``: the causes, from
-    `named_traces`. p parameters are projected out: ``tangents`` (p, E) are the derivatives of the
-    predictions by these parameters, ``A`` (p, p) is their information including the prior.
+    The torque changes the E predicted encoder readings by ``trace`` (E,). cos is the correlation of
+    this change with the change that a cause makes. ``named``: the causes, from `named_traces`. p
+    nuisance parameters are projected out of both changes. ``tangents`` (p, E) are the derivatives
+    of the readings with respect to these parameters. ``A`` (p, p) is the parameters' information
+    including the prior.
     """
     names, D = named
     D = np.vstack([trace, D])

@@ -1,33 +1,39 @@
-"""A formula for an unmodelled torque: the product of measured quantities that explains most.
+"""Propose a formula for a residual torque, that is, for a torque that the fitted model lacks.
 
-On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
-a fit. With the efficient score u of c and its information v (`search.score_test`),
+A formula is a torque c φ on one axis. φ is a measured quantity or a product of two (`PRODUCTS`), c
+an unknown coefficient. Rao's score test examines each φ without a fit. Its statistic S, and the
+estimate of c with its standard deviation, are
 
-    S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
+    S = u²/v,    c = u/v ± √(κ/v)
 
-The curve is a piecewise linear torque Σ τ_k φ_k (`unmodelled.residual_torque`). The same test of
-its coefficients τ_k gives S_spline. r is the number of directions of (τ_k) with information. The
-formula is as good as the curve if BIC does not justify the curve's further r − 1 parameters (N
-filter updates):
+- u: efficient score of c (`search.score_test`)
+- v: Fisher information of c
+- κ: variance inflation of the fit's scores (`Estimate.inflation`), near 1 for a valid likelihood
 
-    S_spline − S < κ (r − 1) ln N
+The largest S determines the formula. If the S of several φ are within κ `constants.TIE` of the
+largest, the one with the fewest factors is proposed, and the others are reported as alternatives.
+But S is only an approximation. So the model is refitted with this φ, and with the φ of largest S.
+If 2 ln L of the first refit is lower by more than κ `TIE`, the φ of largest S is proposed.
 
-Products whose S is within `constants.TIE` κ of the largest are alternatives. Of these, the one
-with fewest factors is proposed, if its full fit confirms it: 2 ln L must be within `TIE` κ of that
-of the fit with the product of largest S. Otherwise the latter product is proposed.
+**Curve.** The formula is compared with a curve: a piecewise linear torque of one variable
+(`unmodelled.residual_torque`). S_curve is the statistic of the same test of the curve's
+coefficients, r the rank of their information matrix. The curve has r − 1 more parameters than the
+formula. The formula is proposed if BIC does not justify these parameters (N filter updates):
 
-If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
-torque (`significant_formula`):
+    S_curve − S < κ (r − 1) ln N
 
-    t² = u²/σ_u²,    threshold 2 q²
+**Test without simulated flights.** Usually, simulated flights show whether a residual torque is
+significant. If flights cannot be simulated, `significant_formula` takes the formula with the
+largest S on each axis. Of these it tests the one with the largest u²/σ_u², which is significant if
 
-- σ_u² is the variance of the score u, valid also for coloured noise. The effect of the torque c φ
-  is subtracted from the readings' scores. Then the score of c is summed over each block of
-  `greybox.estimate.BLOCK_S`. σ_u² is the long-run variance of the total of these sums (Newey and
-  West), but at least κ v.
-- q is Student's two-sided quantile for the false-alarm probability p = `TORQUE_FALSE_ALARMS`/m,
-  with the number m of formulas on all axes (Bonferroni).
-- The factor 2 allows for the unknown bias of the filter's score.
+    u²/σ_u² > 2 q²
+
+- σ_u² is the variance of u, also valid for coloured noise: the long-run variance (Newey and West)
+  of the sum of the scores of c in blocks of `greybox.estimate.BLOCK_S` seconds. The effect of the
+  torque c φ is subtracted from these scores first. σ_u² is at least κ v.
+- q is the two-sided quantile of Student's distribution for the false-alarm probability
+  `TORQUE_FALSE_ALARMS`/m. m is the number of formulas on all axes (Bonferroni).
+- The factor 2 allows for the unknown bias of u.
 """
 
 from __future__ import annotations
@@ -41,7 +47,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.search.candidate_fits import bic_penalty, with_term_at
-from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hats, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hat_sensitivities, hats
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
     evidence_without_nulls,
@@ -56,13 +62,12 @@ from heli3dof.distributions import t_isf
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.bias_correction.perturbation import forward as traces_of
-from heli3dof.identification.bias_correction.perturbation import project_out
+from heli3dof.identification.bias_correction.perturbation import forward, project_out
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import term
-from heli3dof.model.effects.empirical import KNOTS, PREFIX, factors
+from heli3dof.model.effects.empirical import PREFIX, factors
 
 SINGLE = (
     "sin(roll)", "sin(pitch)", "sin(yaw)", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
@@ -76,7 +81,8 @@ PRODUCTS = (
     "voltage_front*voltage_back",
 )
 AT_ONCE = 8
-"""Products whose traces are in memory at the same time: 8 bytes per product and reading"""
+"""Number of products whose sensitivities are in memory at the same time: 8 bytes per product and
+encoder reading"""
 
 
 @dataclass(frozen=True)
@@ -106,10 +112,10 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     kappa = max(fit.inflation, 1.0)
     S, c = product_scores(x, axis)
     first, *others = ordered_products(fit, torque.axis, S, c)
-    spline, rank = spline_score(x, axis, torque.depends_on)
+    S_curve, rank = curve_statistic(x, axis, torque.depends_on)
     penalty = kappa * bic_penalty(rank - 1, x.flight.at)
     out = []
-    if spline - S[first] < penalty:
+    if S_curve - S[first] < penalty:
         product = PRODUCTS[first]
         alternatives = tuple(PRODUCTS[k] for k in others)
         name = f"{PREFIX}{product}.{torque.axis}"
@@ -163,7 +169,7 @@ def significant_formula(x: Evidence) -> TorqueLocation | None:
     for i in axes:
         S, c = product_scores(x, int(i))
         k = int(S.argmax())
-        (D,) = product_traces(x, int(i), PRODUCTS[k : k + 1])
+        (D,) = product_sensitivities(x, int(i), PRODUCTS[k : k + 1])
         d = project_out(D, nuisance.tangents, nuisance.A, at.w)
         s = np.bincount(block, d * (at.g - c[k] * at.w * d), blocks)
         v = float((d * at.w) @ d)
@@ -177,7 +183,12 @@ def significant_formula(x: Evidence) -> TorqueLocation | None:
 
 
 def variable_of(product: str) -> str:
-    """Return the variable of `unmodelled.residual_torque.UNITS` that is nearest to a product.
+    """Return the variable on which a torque proportional to ``product`` is reported to depend.
+
+    The result is a key of `residual_torque.UNITS`. These keys have no sine, cosine or absolute
+    value, so these functions are removed from the product. If the remaining product is a key, it is the result;
+    otherwise the result is its first factor. The product of both voltages has the key
+    ``voltage_product``.
 
     >>> variable_of("voltage_front*voltage_back"), variable_of("abs(yaw_rate)*yaw_rate")
     ('voltage_product', 'yaw_rate')
@@ -196,7 +207,7 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):
-        D = product_traces(x, axis, PRODUCTS[k : k + AT_ONCE])
+        D = product_sensitivities(x, axis, PRODUCTS[k : k + AT_ONCE])
         u[k : k + AT_ONCE], V = projected(x, D)
         v[k : k + AT_ONCE] = np.diag(V)
     fitted = {t.name for t in x.fit.structure.terms}
@@ -205,23 +216,23 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 
-def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return the changes (P, E) of the E predicted readings by each of P torques c φ on an axis.
+def product_sensitivities(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
+    """Return the derivatives (P, E) of E predicted encoder readings by P torque coefficients.
 
-    The coefficient c is 1 in SI units. ``axis``: index of the axis; ``products``: the P products φ
-    as text, such as ``roll_rate*sin(pitch)``.
+    Each torque c φ has the coefficient c, in SI units, and acts on the axis with the index
+    ``axis``. ``products``: the P products φ as text, such as ``roll_rate*sin(pitch)``.
     """
     p, flight = x.path, x.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
     phi = np.array([np.nan_to_num(flight.variable(name))[middle] for name in products])
-    return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
+    return forward(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
 
 
 def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score (K,) and information (K, K) of the K coefficients of a torque.
+    """Return the score (K,) and the Fisher information (K, K) of the K coefficients of a torque.
 
-    ``D`` (K, E): derivatives of the E predicted readings by the coefficients. The fit's parameters
-    are projected out of the score and the information.
+    ``D`` (K, E): derivatives of the E predicted encoder readings with respect to the coefficients.
+    The fit's parameters are projected out of the score and the information.
     """
     at, nuisance = x.flight.at, x.nuisance
     weighted = D * at.w
@@ -230,18 +241,17 @@ def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return D @ at.g - solved.T @ (nuisance.g - x.fit.score_bias), weighted @ D.T - cross @ solved
 
 
-def spline_score(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
-    """Return the test statistic S and rank r of a piecewise linear torque of ``variable``.
+def curve_statistic(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
+    """Return (S, r): score-test statistic and rank of a piecewise linear torque of ``variable``.
 
-    S is 0 if the variable's range is below `MIN_RANGE` of its unit, or if the flight contains no
-    information about the torque.
+    r is the rank of the information matrix of the torque's coefficients. S is 0 if the variable's
+    range is below `MIN_RANGE` of its unit, or if the flight has no information on the torque.
     """
     flight = x.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:
         return 0.0, 1
-    columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
-    D = sums_along(library, flight, x.nuisance.tangents, columns).traces
+    D = hat_sensitivities(library, flight, library.variables.index(variable))
     u, v = projected(x, D)
     E = informative_directions(v, (D * flight.at.w) @ D.T)
     if not E.shape[1]:

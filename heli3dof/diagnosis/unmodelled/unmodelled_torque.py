@@ -1,34 +1,42 @@
-"""Test each axis for a residual torque, which the fitted model lacks.
+"""Test each axis for a residual torque: a torque that the fitted model lacks.
 
-The torque is a free function f(z) = Σ_j τ_j φ_j(z). z is an angle, a rate, a voltage, a product of
-these, or the time. φ_j are hat functions, τ_j coefficients in N·m (`unmodelled.residual_torque`).
-The `KNOTS` hat functions of one variable on one axis are a group. Rao's score test evaluates each
-group without a fit:
+The torque is a free function of one variable z: f(z) = Σ_j τ_j φ_j(z). z is an angle, a rate, a
+voltage, a product of these, or the time. The φ_j are hat (triangular) functions with coefficients
+τ_j in N·m (`unmodelled.residual_torque`). The `KNOTS` hat functions of one variable on one axis
+form a group. Rao's score test examines a group without fitting τ. Its statistic is
 
-    S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
+    S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1),        S ~ χ²(r) if there is no residual torque
 
-L is the likelihood. The scores u_j = ∂ ln L/∂τ_j have the information V, V⁺ is its pseudo-inverse.
-The fit's parameters are projected out of u and V. The second summand removes the constant torque,
-which leaves r degrees of freedom.
+Here u_j = ∂ ln L/∂τ_j are the scores, with the likelihood L. V is the Fisher information matrix of
+τ, and V⁺ is its pseudo-inverse. The fit's parameters are projected out of u and V. The second
+summand removes the constant torque; r degrees of freedom remain. The search has four steps:
 
-1. In B flights simulated without residual torque (nulls), the mean of u is the filter's bias, which
-   is subtracted from u. κ is the nulls' mean S/r, but at least the fit's variance factor
-   `inflation`.
-2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
-   distribution, which gives the threshold.
-3. A group is accepted if its x exceeds the threshold, even with S/(κρ) in place of S/κ. ρ ≥ 1 is
-   the ratio by which coloured noise increases S (`torque_evidence`). Its torque must also explain
-   more than `MIN_VARIANCE_SHARE` of the variance of the axis's residual torque. Of several such
-   groups, that with the largest x is taken. For this choice, `TIE` is added to the x of functions
-   of time.
-4. The accepted torque is projected out, and the test is repeated.
+1. Simulate flights without residual torque (null simulations). The mean of u in these flights is
+   the filter's bias; subtract it from u. The factor κ corrects the scale of S. It is the mean of
+   S/r in these flights, but at least 1 and at least the fit's variance inflation
+   (`Estimate.inflation`).
+2. Compute the significance x = −2 ln P(χ²_r > S/κ) of each group. It is comparable between groups
+   with different r. A Gumbel distribution is fitted to the largest x of each null simulation. The
+   threshold of x is the value that this distribution exceeds with the probability
+   `TORQUE_FALSE_ALARMS`.
+3. Accept a group that meets both conditions:
 
-A torque that depends on time only is slow noise, such as a draught's: it is projected out like the
-others, but it is no effect that a model could contain. Once slow noise was found, ρ is used for all
-further torques. Before, ρ is used only if it differs significantly from 1.
+   - Its x exceeds the threshold, even if S/κ is replaced by S/(κρ). ρ ≥ 1 is the factor by which
+     coloured noise increases S (`torque_evidence.coloured_noise_ratio`).
+   - Its torque explains more than `MIN_VARIANCE_SHARE` of the variance of the axis's residual
+     torque.
 
-If the controller is unknown, half-second blocks of the flight give κ, and the threshold of x is
-twice the Bonferroni threshold.
+   If several groups meet them, accept the one with the largest x. In this comparison, `TIE` is
+   added to the x of functions of time.
+4. Project the accepted torque out of all scores, and test again.
+
+A torque that depends on time only is slow noise, such as a draught's. Step 4 projects it out, but
+the model gets no term for it. Slow noise proves that the noise is coloured. So after the search has
+found slow noise, step 3 uses each estimate of ρ. Before, an estimate of ρ that does not differ
+significantly from 1 is replaced by 1.
+
+If flights cannot be simulated, κ is estimated from the scores in half-second blocks of the flight.
+The threshold of x is then twice the Bonferroni threshold.
 """
 
 from __future__ import annotations
@@ -42,7 +50,13 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
 from heli3dof.diagnosis.search.nulls import gumbel, gumbel_factor
-from heli3dof.diagnosis.unmodelled.residual_torque import Hats, HatScores, LinearisedRun, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import (
+    Hats,
+    HatScores,
+    LinearisedRun,
+    hat_scores,
+    hat_sensitivities,
+)
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     LIKE,
     RANK_TOLERANCE,
@@ -121,7 +135,10 @@ class ResidualTorque:
 def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
-    """Return the torques of measured variables, and those of time only (slow noise)."""
+    """Split residual torques into functions of a measured variable, and functions of time.
+
+    Functions of time are slow noise, which no model can predict.
+    """
     return (
         tuple(t for t in torques if not t.is_slow_noise),
         tuple(t for t in torques if t.is_slow_noise),
@@ -131,31 +148,32 @@ def split_off_slow_noise(
 def significant_torques(
     evidence: Evidence, proven: TorqueLocation | None = None
 ) -> tuple[ResidualTorque, ...]:
-    """Return the significant torques, as functions of a measured variable or of time only.
+    """Return the significant residual torques, in the order in which the search accepted them.
 
-    They are in the order in which they were accepted. ``proven``: axis and variable of a torque
-    that another test has shown (`unmodelled.torque_formula`): it is accepted first, untested.
+    Each is a function of one measured variable, or of time. ``proven``: axis and variable of a
+    torque that another test has shown to exist (`torque_formula.significant_formula`). The search
+    accepts this torque first, without a test.
     """
     fit, flight, library = evidence.fit, evidence.flight, evidence.library
     null, nuisance = evidence.null, evidence.nuisance
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
     while sum(not torque.is_slow_noise for torque in out) < MAX_COMPARED:
-        sums = sums_along(library, flight, nuisance.tangents)
+        sums = hat_scores(library, flight, nuisance.tangents)
         tests = score_tests(fit, flight, library, sums, nuisance, null)
         if proven is not None and not out:
             q = _group(library, tests, proven)
-            new, D = _residual_torque(flight, library, tests, q), _traces(evidence, nuisance, q)
+            new, D = _residual_torque(flight, library, tests, q), _sensitivities(evidence, q)
         else:
             is_coloured = any(torque.is_slow_noise for torque in out)
             accepted = _next_torque(evidence, nuisance, tests, is_coloured=is_coloured)
             if accepted is None:
                 break
             q, new, D = accepted
-        trace = np.array([torque for _, torque in new.table]) @ D
+        change = np.array([torque for _, torque in new.table]) @ D
         if named is None:
             named = named_traces(fit)
-        name, cos = similarity(named, flight.at, trace, nuisance.tangents, nuisance.A)
+        name, cos = similarity(named, flight.at, change, nuisance.tangents, nuisance.A)
         out.append(replace(new, resembles=f"{name}-like") if cos > LIKE else new)
         columns = np.r_[library.columns(q)]
         nuisance = nuisance.with_torque(flight, D, tests.directions[q], columns, null)
@@ -165,18 +183,26 @@ def significant_torques(
 def _next_torque(
     evidence: Evidence, nuisance: Nuisance, tests: ScoreTests, *, is_coloured: bool
 ) -> tuple[int, ResidualTorque, np.ndarray] | None:
-    """Return (index of the group, torque, traces) of the next torque to accept, or None.
+    """Return (index of a group, its torque, its sensitivities) of the next torque to accept.
 
-    Of the groups that meet condition 3 in the module's docstring, that with the largest x is taken;
-    for functions of time, `TIE` is added to x. The result is None if no group meets the condition.
-    The traces (KNOTS, E) are the changes of the E predicted readings by the group's hat functions.
-    ``is_coloured``: slow noise was found before.
+    A group contains the hat functions of one variable on one axis. The result is None if no group
+    meets both conditions:
+
+    - Its significance exceeds the threshold, with coloured noise too (`_exceeds_coloured_noise`).
+    - Its torque explains more than `MIN_VARIANCE_SHARE` of the variance of the axis's residual
+      torque.
+
+    If several groups meet them, the result is the most significant one. In this comparison,
+    functions of time get a bonus (`ranked_with_time_bonus`). The sensitivities (KNOTS, E) are the
+    derivatives of the E predicted encoder readings by the coefficients of the torque.
+    ``is_coloured``: True if the search has already accepted slow noise, that is, a torque that
+    depends on time only.
     """
     significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
-    for q in with_time_first(significant, evidence.library, tests.x):
+    for q in ranked_with_time_bonus(significant, evidence.library, tests.x):
         torque = _residual_torque(evidence.flight, evidence.library, tests, q)
         if torque.share > MIN_VARIANCE_SHARE:
-            D = _traces(evidence, nuisance, q)
+            D = _sensitivities(evidence, q)
             if _exceeds_coloured_noise(
                 evidence, nuisance, tests, q, torque, D, is_coloured=is_coloured
             ):
@@ -184,28 +210,33 @@ def _next_torque(
     return None
 
 
-def _traces(evidence: Evidence, nuisance: Nuisance, q: int) -> np.ndarray:
-    """Return the changes (KNOTS, E) of the E predicted readings by each hat function of group q."""
-    library = evidence.library
-    columns = np.r_[library.columns(q)]
-    return sums_along(library, evidence.flight, nuisance.tangents, columns).traces
+def _sensitivities(evidence: Evidence, group: int) -> np.ndarray:
+    """Return the derivatives (KNOTS, E) of the E predicted encoder readings by torque coefficients.
+
+    The torque acts on one axis and is a piecewise linear function of one variable. The coefficients
+    are the torques (N·m) at its `KNOTS` knots. ``group``: index of the axis and the variable.
+    """
+    return hat_sensitivities(evidence.library, evidence.flight, group)
 
 
 def _group(library: Hats, tests: ScoreTests, location: TorqueLocation) -> int:
-    """Return the index of the group of hat functions for ``location``, an axis and a variable.
+    """Return the index of the hat functions for a torque's axis and variable, ``location``.
 
-    A variable that hardly changes has no group. Then the axis's most significant group is returned.
+    The result is the index of a group: the hat functions of one variable on one axis. A variable
+    that hardly changes in the flight has no group. In that case, the result is the most significant
+    group of the axis.
     """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == location.axis]
     exact = [q for q in groups if library.groups[q][1] == location.variable]
     return max(exact or groups, key=lambda q: float(tests.x[q]))
 
 
-def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return the indices ``groups``, sorted by falling significance ``x``.
+def ranked_with_time_bonus(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
+    """Return ``groups``, sorted by falling significance; functions of time get the bonus `TIE`.
 
-    `TIE` is added to the x of functions of time. Thus slow noise is preferred to a torque of
-    another variable that explains hardly more.
+    ``groups`` are indices of groups; a group contains the hat functions of one variable on one
+    axis. ``x`` (groups,) is the significance of each group. A function of time is slow noise. A
+    function of another variable precedes it only if its x is larger by more than `TIE`.
     """
 
     def key(q: int) -> float:
@@ -224,11 +255,12 @@ def _exceeds_coloured_noise(
     *,
     is_coloured: bool,
 ) -> bool:
-    """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
+    """Return whether the torque ``new`` of group q remains significant with coloured noise.
 
-    The group's score-test statistic S is divided by κ, the variance inflation of the scores, and by
-    ρ, the factor by which coloured noise increases S. If ρ does not differ significantly from 1, it
-    is replaced by 1. With ``is_coloured`` (slow noise was found before), it is always used.
+    The group's score-test statistic S is divided by κ and ρ. κ is the variance inflation of the
+    scores, ρ the factor by which coloured noise increases S. An estimate of ρ that does not differ
+    significantly from 1 is replaced by 1. ``is_coloured``: True if the search has already found
+    slow noise, which is coloured. Then the estimate of ρ is never replaced.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -274,12 +306,13 @@ def score_tests(
     nuisance: Nuisance,
     null: Scores | None,
 ) -> ScoreTests:
-    """Return the score tests of all groups of hat functions.
+    """Return the score tests of all groups; a group is the hat functions of a variable on an axis.
 
-    ``sums``: scores and information of the recorded flight (`sums_along`). ``null``: scores in
-    simulated flights, which give the threshold, and the inflation κ of the test statistic S. If
-    ``null`` is None, blocks of the recorded flight give κ, and the threshold is Bonferroni's,
-    doubled.
+    ``sums``: scores and information of the recorded flight (`hat_scores`). ``null``: scores in
+    flights simulated without residual torque. They calibrate the test: the threshold, and the
+    factor κ by which noise scales the test statistic S, are computed from them. If ``null`` is
+    None, κ is computed from blocks of the recorded flight. The threshold is then twice the
+    Bonferroni threshold, because the bias of the scores is unknown.
     """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
@@ -343,10 +376,15 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Project a constant torque out of V, the information matrix of a group's coefficients.
+    """Return (V′, P): the information V′ and the projector P of scores without a constant torque.
 
-    Returns the new V, and the matrix by which to multiply scores for the same projection.
-    ``full``: V before the fit's parameters were projected out.
+    V (KNOTS, KNOTS) is the information matrix of the coefficients of hat functions. The sum of the
+    hat functions is a constant torque, so with the vector 1 of ones,
+
+        V′ = V − V 1 1ᵀ V/(1ᵀ V 1),        P = I − V 1 1ᵀ/(1ᵀ V 1)
+
+    If V contains no information on a constant torque, the result is V and the identity I. ``full``:
+    V before the fit's parameters were projected out.
     """
     one = np.ones(KNOTS)
     along = V @ one

@@ -38,19 +38,23 @@ CHECKED_GAIN = 2.0
 class ScoreBias:
     """The log-likelihood's mean derivatives over simulated flights, and the flights' parameters."""
 
-    theta: np.ndarray
-    """(n,) mean derivatives ḡ by θ and b by φ"""
-    log_noise: np.ndarray
-    """(3,) mean derivatives s̄ by ln a"""
+    by_theta: np.ndarray
+    """(n,) mean derivatives with respect to the n parameters: ḡ for θ, then b for φ"""
+    by_log_noise: np.ndarray
+    """(3,) mean derivatives s̄ with respect to ln a"""
     theta_0: np.ndarray
-    """(n,) θ_0 and φ_0"""
+    """(n,) parameters of the simulated flights: θ_0, then φ_0"""
     noise_0: np.ndarray
-    """(4,) a_0 (rad/s²/√Hz) on three axes, and jitter (s)"""
+    """(4,) noise of the simulated flights: a_0 (rad/s²/√Hz) of three axes, and jitter (s)"""
 
-    def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return ℓ + ln prior − ℓ_c at ``theta`` (n,), ``noise`` (4,): what the bias adds to ℓ."""
+    def of_loglik(self, theta: np.ndarray, noise: np.ndarray) -> float:
+        """Return the bias of the log-likelihood at ``theta`` (n,) and ``noise`` (4,).
+
+        At the parameters and noise of the simulated flights, the bias is zero. From there it grows
+        linearly, with the mean derivatives as slopes. The corrected log-likelihood subtracts it.
+        """
         ratio = np.log(noise[:3] / self.noise_0[:3])
-        return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
+        return float(self.by_theta @ (theta - self.theta_0) + self.by_log_noise @ ratio)
 
 
 def maximise_corrected(
@@ -74,7 +78,7 @@ def maximise_corrected(
     lam, noise_step, converged = 1e-3, 0.0 if hold_noise else np.inf, False
 
     def corrected(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:
-        return float(loglik.sum()) + problem.log_prior(theta) - bias.of(theta, a)
+        return float(loglik.sum()) + problem.log_prior(theta) - bias.of_loglik(theta, a)
 
     current: Evaluation = evaluate(problem, theta, a, with_noise_derivatives=not hold_noise)
     for count in range(1, rounds + 1):
@@ -82,7 +86,7 @@ def maximise_corrected(
             with_noise = not hold_noise and (noise_step > NOISE_CONVERGED or count % 4 == 0)
             current = evaluate(problem, theta, a, with_noise_derivatives=with_noise)
         value = corrected(current.at.loglik, theta, a)
-        g = current.g - bias.theta - precision * (theta - problem.prior_mean)
+        g = current.g - bias.by_theta - precision * (theta - problem.prior_mean)
         A = current.H + np.diag(precision)
         free = problem.movable(theta, g) & ~fixed
         gain, accepted = 0.0, False
@@ -102,7 +106,7 @@ def maximise_corrected(
             lam *= 10
         if current.slope.any():
             curvature = np.minimum(current.curvature, -1.0)
-            step = np.clip(-(current.slope - bias.log_noise) / curvature, -0.7, 0.7)
+            step = np.clip(-(current.slope - bias.by_log_noise) / curvature, -0.7, 0.7)
             step = np.where(axes, step, 0.0)
             noise_step = float(np.abs(step).max())
             if noise_step > NOISE_CONVERGED:

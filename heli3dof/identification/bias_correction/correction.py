@@ -1,9 +1,9 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So at the true
-parameters, the score (the log-likelihood's derivative by the parameters) has a nonzero mean, and
-the maximum of the likelihood is biased. The bias is largest for an inertia in a limit cycle on an
-encoder edge. If the controller is known, `correct` simulates B flights of the fitted model
+parameters, the score (the gradient of the log-likelihood) has a nonzero mean, and the maximum of
+the likelihood is biased. If an axis is in a limit cycle between two encoder counts, its inertia has
+the largest bias. If the controller is known, `correct` simulates B flights of the fitted model
 (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
 flight b, both at the parameters θ (n,). H_r (n, n) is the recordings' information; H is the mean of
 H_r and the flights' mean information. θ_0 and Λ are the prior's mean and information:
@@ -12,9 +12,9 @@ H_r and the flights' mean information. θ_0 and Λ are the prior's mean and info
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
     cov θ = (H_r + Λ)⁻¹ ((1 + 1/B) C + Λ) (H_r + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
-In the same way, s̄ = mean s_b corrects s, the log-likelihood's derivatives by the logarithms of the
-three noise intensities. Coloured noise multiplies element ij of cov θ by √(ρ_i ρ_j)
-(`bias_correction.coloured_noise`).
+In the same way, s̄ = mean s_b corrects s, the log-likelihood's derivatives with respect to the
+logarithms of the three noise intensities. Coloured noise multiplies element ij of cov θ by
+√(ρ_i ρ_j) (`bias_correction.coloured_noise`).
 Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 
@@ -49,8 +49,9 @@ CONVERGED = 0.35
 standard error of the mean ḡ of eight flights, in standard deviations of one flight's score."""
 NOISE_CONVERGED = 0.1  # largest step of ln a at the end of the search, chosen
 REUSED_WITHIN = 0.3, 3.0
-"""Largest changes of ln a, and of θ in standard deviations, up to which s̄ is not computed again.
-This saves two filter runs per flight. Chosen."""
+"""Two limits: of the change of ln a (a: process noise of an axis), and of the change of a parameter
+in standard deviations. Below both, s̄ is not computed again, which saves two filter runs per flight.
+Chosen."""
 DIVERGED, DIVERGED_AFTER = 30.0, 3
 """From round `DIVERGED_AFTER` on, a step of θ above `DIVERGED` standard deviations ends the search:
 the controller may not stabilise the fitted rig. Chosen."""
@@ -68,7 +69,8 @@ class CorrectedFit(Estimate):
     bias: np.ndarray | None = None
     """(n,) ḡ; None: zero"""
     noise_bias: np.ndarray | None = None
-    """(3,) s̄, the mean derivative by the log noise intensities; None: zero"""
+    """(3,) s̄, the log-likelihood's mean derivatives with respect to the logarithms of the process
+    noise of roll, pitch and yaw; None: zero"""
     flights: int = 0
     """B, the simulated flights of a round; 0: none"""
     covariance_with_edge_rates: np.ndarray | None = None
@@ -113,7 +115,11 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the mean of `coloured_noise_factor`; `inflation` if no flights were simulated."""
+        """Return the mean factor by which coloured noise increases the parameters' variances.
+
+        If no flights were simulated, the factors are unknown. The result is then `inflation`, the
+        ratio of the scores' actual variance to the variance that the noise model expects.
+        """
         return float(self.coloured_noise_factor.mean()) if self.is_corrected else self.inflation
 
 
@@ -219,7 +225,7 @@ def corrected_from(
             if count == 1:
                 scale = np.concatenate([sd, np.full(3, NOISE_CONVERGED / CONVERGED)])
             y = np.concatenate([theta, np.log(noise[:3])]) / scale
-            accelerated = acceleration.next(y, np.concatenate([step, noise_step]) / scale) * scale
+            accelerated = acceleration.step(y, np.concatenate([step, noise_step]) / scale) * scale
             step, noise_step = accelerated[:n], np.clip(accelerated[n:], -1.0, 1.0)
         # Without the last step, the result would be biased towards the start of the search.
         theta, noise = np.clip(theta + step, low, high), scaled_noise(noise, noise_step)
@@ -253,7 +259,7 @@ def flight_derivatives(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """Mean derivatives of the log-likelihood by ln a, the log process noise of each axis.
+    """The log-likelihood's mean derivatives with respect to ln a; a: process noise of each axis.
 
     The means are over flights simulated with the parameters ``theta`` and the ``noise``.
     """
@@ -270,7 +276,11 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if ``theta`` (n,) or ``noise`` (4,) differ by more than `REUSED_WITHIN`."""
+        """Return True if the mean derivatives are not valid for ``theta`` (n,) and ``noise`` (4,).
+
+        They are not valid if the parameters or the process noise differ by more than
+        `REUSED_WITHIN` from those of the flights over which the means were computed.
+        """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()
@@ -289,7 +299,10 @@ def optimum_at(
 
 
 class AndersonAcceleration:
-    """Anderson acceleration of the iteration y ← y + f(y), over the last `DEPTH` steps."""
+    """Anderson acceleration of the fixed-point iteration y ← y + f(y), which seeks f(y) = 0.
+
+    It uses the last `DEPTH` steps.
+    """
 
     DEPTH = 2
     MAX_STEP = 6.0  # largest step of an element of y, chosen
@@ -299,8 +312,11 @@ class AndersonAcceleration:
         self.y: list[np.ndarray] = []
         self.f: list[np.ndarray] = []
 
-    def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return the accelerated step Δy from ``y``; ``f`` is the plain step f(y)."""
+    def step(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return the step from the iterate ``y`` (k,) to the next iterate, with acceleration.
+
+        ``f`` (k,) is f(y), the step of the iteration without acceleration.
+        """
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]

@@ -1,11 +1,11 @@
-"""Compute the log-likelihood's score and information, and its derivatives by the process noise.
+"""Compute the log-likelihood's score and information, and its derivatives with respect to noise.
 
     g = ∂ℓ/∂θ,   H = Σ w ∂c ∂cᵀ,   s_i = ∂ℓ/∂ ln a_i ≈ (ℓ_i(a e^δ) − ℓ_i(a e^−δ)) / 2δ
 
 ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), ℓ_i its part of
 axis i. θ (n,) are the scaled parameters, a_i is the process noise of axis i. H is a sum over the
-encoder readings: c is the prediction of a reading, ∂c its derivative by θ, w its information. The
-step δ = `PROBE` is large, because the likelihood is rough at smaller scales.
+encoder readings: c is the prediction of a reading, ∂c its gradient with respect to θ, w its
+information. The step δ = `PROBE` is large, because the likelihood is rough at smaller scales.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Evaluation:
     H: np.ndarray
     """(n, n) information, without the prior"""
     slope: np.ndarray
-    """(3,) first derivatives of ℓ by the log noise intensities"""
+    """(3,) first derivatives of ℓ with respect to the logarithms of the noise intensities"""
     curvature: np.ndarray
-    """(3,) second derivatives of ℓ by the log noise intensities"""
+    """(3,) second derivatives of ℓ with respect to the logarithms of the noise intensities"""
     at: FilterRun
     path: Path
     T: np.ndarray
@@ -71,8 +71,8 @@ def evaluate(
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
     ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter. Without
-    ``with_noise_derivatives``, the derivatives by the noise are not computed. Their fields are then
-    0 (first derivatives) and −1 (second derivatives).
+    ``with_noise_derivatives``, the derivatives with respect to the noise are not computed. Their
+    fields are then 0 (first derivatives) and −1 (second derivatives).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
@@ -102,10 +102,12 @@ def evaluate(
 def efficient_score(
     problem: Likelihood, theta: np.ndarray, e: Evaluation, *, prior: bool
 ) -> np.ndarray:
-    """Return q (E,): q·δc is the score of a change δc (E,) of the predicted readings.
+    """Return weights q (E,): a change δc (E,) of the predicted readings has the score q·δc.
 
-    The parameters ``theta`` (n,) are projected out. ``prior``: whether their own score includes the
-    prior. It does for the recordings, and does not for null simulations.
+    The score is the derivative of the log-likelihood in the direction δc, without the part that a
+    change of the fitted parameters ``theta`` (n,) can explain (the efficient score). If ``prior``
+    is True, the gradient of the log prior is added to the score of ``theta``. Use True for
+    recordings, and False for null simulations (simulated flights of the fitted model).
     """
     g = e.g - problem.prior_precision * (theta - problem.prior_mean) if prior else e.g
     newton_step = np.linalg.solve(e.H + np.diag(problem.prior_precision), g)

@@ -14,12 +14,13 @@ Kalman gain, is held fixed.
 - `forcing`: computes δa, constant within chunks of `CHUNK_S`, from a change of parameters or
   effects
 - `forward`: computes δc (E,) from δa
-- `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of the weighted sum
-  Σ_e q_e δc_e by the change δa_b in each chunk b. So one pass suffices for all changes:
-  Σ_e q_e δc_e = Σ_b L_b · δa_b
-- `misreading`: computes the change δm (rad) of the encoder reading at an unchanged angle. With δm,
-  `forward` computes δc = σ δx_c + δm at the angle's events. It starts each uninterrupted run of
-  rows with the change −δm/σ of the angle
+- `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of a weighted sum
+  Σ_e q_e δc_e with respect to the change δa_b in each chunk b. The sum is then Σ_b L_b · δa_b for
+  every change δa, so a single pass serves all changes
+- `misreading`: computes the change δm (rad) of an encoder reading at an unchanged angle. With δm,
+  `forward` computes δc = σ δx_c + δm at the events of this angle. In each run of rows without gaps,
+  the filter's first angle follows from the first reading. So `forward` starts each run with the
+  change −δm/σ of the angle
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Path:
     A: np.ndarray
     """(C, 3, 6) ∂q̈/∂(q, q̇)"""
     slope: np.ndarray
-    """(3,) σ, the derivative of each axis' reading by its angle"""
+    """(3,) σ, the derivative of each axis' reading with respect to its angle"""
     thrust: np.ndarray
     """(C, 2) N, mean thrusts of the rotors in each chunk"""
     a: np.ndarray
@@ -101,11 +102,13 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) ->
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return δa (J, C, 3) rad/s²: accelerations of J models minus those of the model of ``p``.
+    """Return δa (J, C, 3) rad/s²: the accelerations of J changed models minus those of the base.
 
-    δa is constant within each of the C chunks of rows of ``p``. ``sets`` are the parameter values
-    of the J models, ``wide`` their structure, which may have more effects than that of ``p``.
-    ``moves`` (J,): True for a model whose thrusts differ from those of ``p``.
+    ``p`` contains a run of the Kalman filter with the base model, divided into C chunks (short time
+    intervals). Both accelerations are computed from the filter's state in the middle of a chunk.
+    ``sets`` are the parameter values of the J changed models. ``wide`` is their structure, which
+    may have more effects than the base model. ``moves`` (J,): True for a model whose thrusts differ
+    from those of the base model.
     """
     d = p.data
     out = np.zeros((len(sets), len(p.chunk), 3))
@@ -121,9 +124,11 @@ def misreading(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how other parameter values change the encoder readings (rad) at unchanged angles.
 
-    ``sets`` are J + 1 sets of parameter values of the structure ``wide``, as for `forcing`. The
-    changes are relative to the first set. Returns the changes (J, E) at the filter's E events, and
-    (J, B, 3) at the starts of the data's B blocks.
+    ``p`` contains a run of the Kalman filter with E measurement updates, each with one reading.
+    ``sets`` are J + 1 sets of parameter values of the model structure ``wide``. The changes are
+    those from the first set to each of the J others. The first result (J, E) contains the changes
+    at the measurement updates. The second result (J, B, 3) contains the changes of the three
+    readings at the first row of each of B blocks (runs of rows without gaps).
     """
     at, blocks = p.at, p.data.blocks
     assert at.X is not None
@@ -136,10 +141,12 @@ def misreading(
 def forward(
     p: Path, a: np.ndarray, m: np.ndarray | None = None, m0: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return δc (J, E): how J changes of the model change the filter's E predicted readings.
+    """Return δc (J, E), the change of each predicted reading by each of J changes of the model.
 
-    ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks of time. ``m`` (J, E) and
-    ``m0`` (J, B, 3): the result of `misreading`; None: the readings do not change.
+    ``p`` contains a run of the Kalman filter, which predicts E encoder readings. ``a`` (J, C, 3)
+    are the changes of the accelerations (rad/s²) in C chunks (short time intervals). If a change of
+    the model also changes the encoder readings at given angles, ``m`` (J, E) and ``m0`` (J, B, 3)
+    are the two results of `misreading`; otherwise they are None.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -151,13 +158,16 @@ def forward(
 
 
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the derivatives of the weighted sums Σ_e q_e δc_e over the filter's E readings.
+    """Return the derivatives of M weighted sums Σ_e q_e δc_e with respect to changes of the model.
 
-    ``q`` (M, E) are M sets of weights q_e. The three results are the derivatives by changes of
+    ``p`` contains a run of the Kalman filter, which predicts E encoder readings. δc_e is the change
+    of the predicted reading e. ``q`` (M, E) contains the M sets of weights q_e. The three results
+    are the derivatives with respect to
 
-    - the model's accelerations in C chunks of time, (M, C, 3)
-    - the encoder readings at unchanged angles, (M, E)
-    - the filter's states at the starts of the data's B blocks (runs without gaps), (M, B, 6)
+    - the changes of the model's accelerations in C chunks (short time intervals), (M, C, 3)
+    - the changes of the encoder readings at unchanged angles (`misreading`), (M, E)
+    - the changes of the filter's first state in each of B blocks (runs of rows without gaps),
+      (M, B, 6)
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

@@ -14,7 +14,7 @@ z² = |u|²/v.
 
 A periodic torque has its own phase φ_r in each of R recordings. Let u_r be the part of u from
 recording r, and v_r that of v. Without a torque, S = Σ_r |u_r|²/v_r is χ² with 2 R degrees of
-freedom. S is converted to the z² with the same p-value for 2 degrees of freedom:
+freedom. `equivalent_z2` converts S to the z² with the same p-value for 2 degrees of freedom:
 z² = S − 2 ln Σ_{k < R} (S/2)^k/k!. Adding (φ_r − φ_1)/(2π f) to the time of recording r gives all
 recordings the phase φ_1.
 """
@@ -58,9 +58,11 @@ time shifts: s to add to the time of each recording; () for no shift"""
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Return the information v of J torques with accelerations a (J, C, 3) in C chunks of time.
+    """Return the Fisher information v (J,) on the size of each of J torques.
 
-    ``A``: the base fit's information. v is NaN for a torque that the base parameters can replace.
+    ``a`` (J, C, 3) are the accelerations (rad/s²) by the torques in C chunks (short time
+    intervals). ``A`` (n, n) is the information matrix of the fitted parameters with the prior. If a
+    change of these parameters can replace a torque, v is NaN.
     """
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
@@ -76,10 +78,13 @@ class Frequencies:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return frequencies (K,) in Hz, and the information v (K,) of a torque at each of them.
+        """Return K frequencies (Hz), and the information v (K,) on a torque of each frequency.
 
-        The torque is a cosine or sine of amplitude 1; v is the mean over these two. ``unit``
-        (C, 3): e of the module. ``A`` (n, n): the information of the fit's parameters.
+        v is the mean of the Fisher informations on the amplitude of a cosine torque and of a sine
+        torque. v excludes the part that changes of the fit's n parameters could explain, too. ``A``
+        (n, n) is the information matrix of these parameters with the prior. ``unit`` (C, 3) are the
+        accelerations (rad/s²) by a constant torque of 1 N·m, one row for each of C chunks (short
+        time intervals).
         """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
@@ -92,9 +97,13 @@ class Frequencies:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the largest score over all frequencies, with its torque (see `Peak`).
+        """Return the largest score over all frequencies, and the torque with this score (`Peak`).
 
-        ``L`` and ``unit`` (C, 3): L and e of the module.
+        Time is divided into C chunks (short time intervals). ``L`` (C, 3) are the derivatives of
+        the log-likelihood with respect to the acceleration of each axis in each chunk, without the
+        part that changes of the fitted parameters explain. ``unit`` (C, 3) are the accelerations
+        (rad/s²) by a constant torque of 1 N·m. ``information`` is the result of the method
+        `information`.
         """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source
@@ -124,16 +133,18 @@ class Frequencies:
         R = int(used.sum())
         time_shifts = tuple(map(float, ahead)) if R > 1 else ()
         values = (total / float(v_at_f[k]), float(f[k]), phase)
-        return float(np.sqrt(as_one_recording(float(S[k]), R))), values, time_shifts
+        return float(np.sqrt(equivalent_z2(float(S[k]), R))), values, time_shifts
 
 
-def as_one_recording(S: float, R: int) -> float:
-    """Return the z² whose p-value for χ² with 2 degrees of freedom is that of S with 2 R.
+def equivalent_z2(S: float, R: int) -> float:
+    """Return the z² that has the same p-value as S, the sum of the test statistics of R recordings.
 
-    >>> as_one_recording(30.0, 1)
+    Under the null hypothesis, S is χ² with 2 R degrees of freedom, and z² is χ² with 2.
+
+    >>> equivalent_z2(30.0, 1)
     30.0
     >>> from scipy.stats import chi2
-    >>> bool(np.isclose(chi2.sf(as_one_recording(40.0, 4), 2), chi2.sf(40.0, 8)))
+    >>> bool(np.isclose(chi2.sf(equivalent_z2(40.0, 4), 2), chi2.sf(40.0, 8)))
     True
     """
     k = np.arange(R)
@@ -148,7 +159,12 @@ class Instants:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return K instants (s), and the information v (K,) of a unit torque started at each."""
+        """Return K instants (s), and the information v (K,) on a torque that starts at each.
+
+        v is the Fisher information on the torque's size. The arguments are those of
+        `Frequencies.information`, but ``unit`` (C, 3) are the accelerations by an added mass of
+        1 kg.
+        """
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), SCAN_KNOTS + 4)[1:-1]
         v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)
@@ -157,7 +173,11 @@ class Instants:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the largest score over all instants, with its torque (see `Peak`)."""
+        """Return the largest score over all instants, and the torque with this score (`Peak`).
+
+        The arguments are those of `Frequencies.peak`, but ``unit`` (C, 3) are the accelerations by
+        an added mass of 1 kg.
+        """
         when, v = information
         t = evaluation.path.t
         ok = np.isfinite(v)
@@ -177,13 +197,19 @@ class Instants:
 
 
 Scan = Frequencies | Instants
-"""A score test of one term at all values of its frequency or instant"""
+"""A score test of one effect at all frequencies, or at all instants at which it may begin"""
 
 
 def unit_acceleration(
     evaluation: Evaluation, structure: Structure, values: np.ndarray, t: Term
 ) -> np.ndarray:
-    """Return the accelerations (C, 3) rad/s² that a scan's unit torque causes in C chunks."""
+    """Return the accelerations (C, 3) rad/s² that one unit of the effect ``t`` causes.
+
+    There is one row for each of C chunks (short time intervals), into which ``evaluation`` divides
+    the flights. If the effect is an added mass (``mass.change``), the unit is 1 kg. Otherwise the
+    effect is a periodic torque, and the unit is a constant torque of 1 N·m on its axis. ``values``
+    are the parameter values of the ``structure``, a model without ``t``.
+    """
     if t.effect.name == "mass.change":
         unit: tuple[float, ...] = (1.0, -1.0)
     else:
@@ -196,10 +222,12 @@ def unit_acceleration(
 def likeliest_instant(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, t: Term
 ) -> tuple[float, ...]:
-    """Return the parameters of the term ``t`` at the instant with the largest score.
+    """Return size and instant of an effect ``t`` that begins at an unknown instant.
 
-    ``problem``: the likelihood without ``t``, with its largest value at the scaled parameters
-    ``theta`` (n,) and the ``noise`` (4,).
+    The function tests ``t`` at a grid of instants by its score (the log-likelihood's derivative).
+    It returns the instant with the largest standardised score, and the size that is estimated
+    there. ``problem`` is the likelihood of the model without ``t``. The scaled parameters ``theta``
+    (n,) and the ``noise`` (4,) maximise it.
     """
     e = evaluate(problem, theta, noise, with_noise_derivatives=False)
     A = e.H + np.diag(problem.prior_precision)

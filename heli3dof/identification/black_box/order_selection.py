@@ -89,11 +89,13 @@ def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -
     return Decimated(data, u_mean, y_mean, factor * prepared.dt)
 
 
-def past_window(d: Decimated, largest_order: int) -> int:
+def varx_order(d: Decimated, largest_order: int) -> int:
     """Return the order of the VARX (vector autoregression with inputs) that is fitted to data d.
 
-    The order is the number of samples in `PAST_S`, but at least ⌈``largest_order``/3⌉ + 2 for that
-    many states. With few rows, it is limited to a 30th of their number, but not below 2.
+    A VARX of order p with three outputs gives a state-space model of at most 3 p states. The order
+    is the number of samples in `PAST_S` s, but at least ⌈``largest_order``/3⌉ + 2, so that
+    ``largest_order`` states are possible. With few rows, the order is at most a 30th of their
+    number, but not below 2.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -104,10 +106,10 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
     """Return {order: model} for the data d by PBSID-opt; the order is the number of states.
 
     The models are the initial models of ``pem`` and ``oe``, and the results of ``pbsid``. Orders
-    above three times the order of the VARX (`past_window`) are left out.
+    above three times the order of the VARX (`varx_order`) are left out.
     """
     orders = sorted(orders)
-    p = past_window(d, orders[-1])
+    p = varx_order(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
     fit = varx(usable, p)
     x = states(usable, fit, min(orders[-1], 3 * p))

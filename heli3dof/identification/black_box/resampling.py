@@ -7,11 +7,14 @@ of the fit, unless A has a real eigenvalue λ ≤ 0.001. Such an eigenvalue has 
 * λ ≥ −0.5: its mode is replaced by one at |λ| (at least 0.001) with the same static gain.
 * λ < −0.5: the mode decays too slowly to be replaced, and the fit is rejected.
 
-The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ spread evenly over
-the q samples. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well as the
-fit at the decimated rate.
+The predictor gain is computed again. Let K_T be the gain of the fit, and S the covariance of its
+innovations e. During an interval T, the process noise has the covariance K_T S K_Tᵀ. Each of the q
+control periods gets an equal share of it. The new gain K is the Kalman gain for this process noise
+and the output noise S. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well
+as the fit at the decimated rate.
 
-The fit's constant output offset d is replaced by trims y0 (rad) and u0 (V):
+The fit's constant output offset d is replaced by trims y0 (rad) and u0 (V). In control period k,
+the resampled model is
 
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
@@ -43,14 +46,17 @@ VOLT_FOR_RADIAN = 20.0
 class NoContinuousModel(ValueError):
     """Raised if a discrete-time model has no continuous-time equivalent.
 
-    The usual cause is a slowly decaying mode whose pole is real and negative.
+    The usual cause is a real pole z between −1 and `SLOWEST_NEGATIVE` (−0.5). Its mode changes sign
+    at every sample, as the mode of no real continuous-time pole does, and it decays slowly.
     """
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (n, n) and B (n, m), changed so that A has a real logarithm.
+    """Return A (n, n) and B (n, m) of a discrete-time model, changed so that ln A is real.
 
-    B keeps the static gain. Raises NoContinuousModel if an eigenvalue is below `SLOWEST_NEGATIVE`.
+    Each real eigenvalue of A up to `FASTEST` is replaced by its absolute value, or by `FASTEST` if
+    that is larger. B is changed so that the model's static gain stays the same. Raises
+    NoContinuousModel if a real eigenvalue is below `SLOWEST_NEGATIVE`.
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))

@@ -45,14 +45,15 @@ BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileLikelihood(Likelihood):
-    """The likelihood with a prior of the inertias from the profile's ``tolerance``.
+class LikelihoodWithInertiaPrior(Likelihood):
+    """The likelihood of recordings, with a prior that keeps the inertias near the rig's profile.
 
-    The prior std of an inertia's logarithm is ``doubt`` · ``tolerance``. With the weaker prior of
-    `Likelihood`, a fit to a short recording could give implausible inertias.
+    The prior standard deviation of an inertia's logarithm is ``std_per_tolerance`` times the
+    ``tolerance`` of the profile. With the weaker prior of `Likelihood`, a fit to a short recording
+    could give implausible inertias.
     """
 
-    doubt: float = 1.0
+    std_per_tolerance: float = 1.0
     """Prior std of an inertia's logarithm, as a multiple of the tolerance"""
     at_nominal: tuple[int, ...] = ()
     """Indices of the parameters that keep the profile's value"""
@@ -72,7 +73,7 @@ class ProfileLikelihood(Likelihood):
     def prior_precision(self) -> np.ndarray:
         """Return the prior's precision (n,): 1/variance of each scaled parameter."""
         precision = super().prior_precision.copy()
-        precision[1:4] = 1.0 / (self.doubt * self.structure.profile.tolerance) ** 2
+        precision[1:4] = 1.0 / (self.std_per_tolerance * self.structure.profile.tolerance) ** 2
         precision[list(self.at_nominal)] = 1.0 / HELD_STD**2
         return precision
 
@@ -84,7 +85,7 @@ def fit_base(setup: Setup) -> CorrectedFit:
     """
     runs = [run for i, r in enumerate(setup.recordings) for run in usable_runs(r, i)]
     structure = Structure(setup.recordings[0].profile, named(BASES[setup.base]))
-    problem = ProfileLikelihood(data_of(setup.recordings, runs), structure)
+    problem = LikelihoodWithInertiaPrior(data_of(setup.recordings, runs), structure)
     compile_first(problem)
     return with_plausible_inertias(problem, lambda p: corrected_base(setup, p))
 
@@ -95,28 +96,31 @@ def with_plausible_inertias(
     """Return ``fit(problem)``, repeated with a narrow prior if an inertia is implausible.
 
     ``fit`` fits the parameters of a likelihood. The mean of the narrow prior is the profile's
-    inertias times `thrust_ratio`. A ``problem`` without the prior of `ProfileLikelihood` is fitted
+    inertias times `thrust_ratio`. A ``problem`` that is no `LikelihoodWithInertiaPrior` is fitted
     only once.
     """
-    if not isinstance(problem, ProfileLikelihood):
+    if not isinstance(problem, LikelihoodWithInertiaPrior):
         return fit(problem)
-    wide = replace(problem, doubt=1.0, inertia_ratio=1.0, implausible=())
+    wide = replace(problem, std_per_tolerance=1.0, inertia_ratio=1.0, implausible=())
     result = fit(wide)
     axes = implausible_inertias(result)
     if not axes:
         return result
     ratio = thrust_ratio(result, axes)
-    return fit(replace(wide, doubt=TIGHT_PRIOR, inertia_ratio=ratio, implausible=axes))
+    narrow = replace(wide, std_per_tolerance=TIGHT_PRIOR, inertia_ratio=ratio, implausible=axes)
+    return fit(narrow)
 
 
 def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
     """Return the factor by which a wrong thrust gain multiplies trim torque and inertias in a fit.
 
-    It is estimated by the median of their ratios to the profile's values, without the inertias of
-    the axes ``implausible``. It is 1, with the thrust gain taken as right, in two cases:
+    A parameter's ratio is its fitted value divided by the profile's value. The factor is the median
+    ratio of the trim torque and of the inertias, except those of the axes ``implausible``. In two
+    cases, the trim torque is no evidence of a wrong thrust gain, and the function returns 1:
 
-    - The trim torque is within the profile's tolerance.
-    - The trim torque is wrong by a factor of more than `MAX_INERTIA_RATIO`.
+    - The ratio of the trim torque differs from 1 by at most the profile's ``tolerance``.
+    - The trim torque is too large or too small by a factor of more than `MAX_INERTIA_RATIO`. So the
+      trim torque itself is implausible.
     """
     profile, (trim, *inertias) = fit.structure.profile, fit.values[:4]
     ratio = trim / profile.trim_torque if profile.trim_torque else 1.0
@@ -170,9 +174,10 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
 
 
 def start_scales(plain: Estimate) -> list[float]:
-    """Return the start values of inertia/nominal inertia for fits on a limit cycle.
+    """Return the ratios of inertia to nominal inertia at which fits on a limit cycle start.
 
-    They are 1, and the `thrust_ratio` of the fit ``plain``'s trim torque if it is not 1.
+    One fit starts at the ratio 1. If the trim torque of the fit ``plain`` shows a wrong thrust
+    gain, another fit starts at the ratio that this gain implies (`thrust_ratio`).
     """
     ratio = thrust_ratio(plain, AXES)
     return [1.0] if ratio == 1.0 else [1.0, ratio]

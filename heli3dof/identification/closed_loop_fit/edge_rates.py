@@ -15,11 +15,16 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     y ← y + A⁻¹ [Gᵀ W (m − mean m_b) − Λ(y − y_0)],      A = Gᵀ W G + Λ
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
-Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W is the
-inverse of C, after all covariances except those within an axis are set to zero. G contains the
-derivatives of the three moments with respect to the axis' inertia and noise. They are estimated in
-the first rounds, in which a two-level design varies the flights' inertias and noises. The scores'
-other derivatives with respect to θ are the information H. The rest of G is zero.
+Three of the n + 6 moments belong to each axis: the score of its inertia, its ∂ℓ/∂ln a and its edge
+rate. The other n − 3 are the scores of the other parameters. To compute W, all covariances in C are
+set to zero, except those between two moments of the same axis. Then the variances are increased by
+the fraction `RIDGE`, and the matrix is inverted. G consists of three parts:
+
+- the derivatives of an axis' three moments with respect to the inertia and the noise of this axis.
+  They are estimated in the first rounds, in which inertias and noises of the simulated flights
+  follow a two-level factorial design
+- the other derivatives of the scores with respect to θ, which are the Fisher information H of θ
+- zeros elsewhere
 """
 
 from __future__ import annotations
@@ -68,8 +73,8 @@ class Round:
     H: np.ndarray
     """(n, n) information of the scaled parameters"""
     effects: np.ndarray | None
-    """(6, n + 6) derivatives of the mean moments by 3 log inertias, 3 log noises; None without
-    design"""
+    """(6, n + 6) derivatives of the mean moments with respect to the logarithms of three inertias
+    and of three noise intensities; None for a round without the two-level design"""
     scores: np.ndarray
     """(B, n) scores of the flights"""
     slopes: np.ndarray
@@ -180,10 +185,17 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return G (n + 6, n + 3), the moments' derivatives by n scaled parameters and 3 log noises.
+    """Return the Jacobian G (n + 6, n + 3) of the vector of moments, m = (g, ∂ℓ/∂ln a, r).
 
-    ``effects`` (6, n + 6) are the estimated derivatives of all moments by 3 log inertias, then by 3
-    log noises; H (n, n) is the information.
+    g (n,) are the scores of the n scaled parameters. For each axis, there is also the derivative of
+    the log-likelihood ℓ with respect to ln a (a: noise intensity), and the edge rate r (share of
+    samples at which the encoder count changes). The columns of G contain the derivatives of m with
+    respect to the n parameters, then with respect to the three ln a.
+
+    ``H`` (n, n) is the Fisher information, used for the scores. ``effects`` (6, n + 6) contains
+    estimated derivatives of all moments: rows 0 to 2 with respect to the logarithms of the three
+    inertias, rows 3 to 5 with respect to ln a. G contains only some of them: the derivatives of an
+    axis' moments (`moments_of_axis`) with respect to the inertia and noise of the same axis.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -212,5 +224,12 @@ def weights(C: np.ndarray) -> np.ndarray:
 
 
 def moments_of_axis(i: int, n: int) -> list[int]:
-    """Return the indices of axis i's three moments, if there are n parameters."""
+    """Return the indices of the three moments that belong to axis i, in the vector of moments.
+
+    The vector (n + 6,) contains n scores, then three noise derivatives, then three edge rates. A
+    score is the derivative of the log-likelihood with respect to a parameter. A noise derivative is
+    that with respect to the logarithm of an axis' process noise. An edge rate is the share of
+    samples at which an axis' encoder count changes. The moments of axis i are the score of its
+    inertia, its noise derivative and its edge rate.
+    """
     return [1 + i, n + i, n + 3 + i]

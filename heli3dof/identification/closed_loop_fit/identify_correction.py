@@ -1,17 +1,17 @@
-"""Correct the bias of ``identify``'s fits to closed-loop recordings whose scores scatter too much.
+"""Correct the bias of ``identify``'s fits to closed-loop recordings with a limit cycle.
 
 When the reference is constant, the encoders may be on a limit cycle of a count or two. There the
 maximum of the likelihood is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch
-inertia contained the true value (`make bench TOPIC=greybox`). The scores (gradients of the
-log-likelihood) then have κ times the variance that the noise model expects, with κ >
-`MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit with
-such a κ, even if unmodelled motion causes it (`bias_correction.correction`).
+inertia contained the true value (`make bench TOPIC=greybox`). Such a fit has a large κ. κ is the
+actual variance of the scores (the log-likelihood's gradients), divided by the variance that the
+noise model expects (`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit
+whose κ exceeds `MAX_INFLATION`, even if unmodelled motion causes it (`bias_correction.correction`).
 
-On an extreme limit cycle, even the corrected inertia may be several times too small. Then the
-recordings' scores still scatter more than those of the simulated flights. In this case
-`without_bias` fits a second time, with the process noise that a diagnosis would estimate
-(`closed_loop_fit.base_fit`). Of the two fits it returns the one whose simulated flights have more
-nearly the recordings' scatter.
+The correction simulates flights of the fitted model. On an extreme limit cycle, even the corrected
+inertia may be several times too small. Then the recordings' scores still have a larger variance
+than those of the simulated flights. In this case `without_bias` makes a second corrected fit, with
+the process noise that a diagnosis would estimate (`closed_loop_fit.base_fit`). It returns the fit
+for which the ratio of these two variances is smaller (`unexplained_scatter`).
 """
 
 from __future__ import annotations

@@ -72,16 +72,21 @@ def on_limit_cycle(data: Data) -> np.ndarray:
 
 
 def scatters_on_limit_cycle(fit: Estimate) -> bool:
-    """Return True if an axis is on a limit cycle and the fit's scores scatter too much.
+    """Return True if an axis is on a limit cycle and the fit's scores vary more than expected.
 
-    They scatter too much if `Estimate.unexplained_scatter` exceeds `MAX_INFLATION`.
+    The scores are the log-likelihood's gradients. Their actual variance divided by the expected one
+    is `Estimate.unexplained_scatter`; it must exceed `MAX_INFLATION`.
     """
     cycling = on_limit_cycle(fit.problem.data).any()
     return bool(cycling) and fit.unexplained_scatter > MAX_INFLATION
 
 
 def limit_cycle_statistics(data: Data) -> np.ndarray:
-    """Return (2, 3): the `cycling_shares` c of the axes, and ln r of their `edge_rates` r."""
+    """Return c (row 0) and ln r (row 1) of the three axes, as an array (2, 3).
+
+    c is the share of time windows in which the axis is on a limit cycle (`cycling_shares`), r the
+    share of samples at which its encoder count changes (`edge_rates`).
+    """
     return np.array([cycling_shares(data), np.log(np.maximum(edge_rates(data), 1e-6))])
 
 
@@ -89,11 +94,13 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return ``noise`` (4,) with the estimate a_i of the module on the ``axes`` (3,) bool.
+    """Return ``noise`` (4,) with a new estimate of the process noise on each of the ``axes``.
 
-    ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). The estimate is the
-    one of the `NOISE_STEPS` with the least mismatch. ``theta`` (n,): the flights' scaled
-    parameters.
+    ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). ``axes``
+    (3,) bool are the axes on a limit cycle. For each of them, the function simulates flights with
+    the axis' process noise times each of `NOISE_STEPS`. The estimate is the noise for which the
+    simulated limit cycle is most similar to the recorded one (`limit_cycle_statistics`). ``theta``
+    (n,) are the scaled parameters of the simulated model.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -66,7 +66,12 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def inflation(self) -> float:
-        """Return κ (see the module); 1 for a flight with fewer than 2 n + 2 blocks."""
+        """Return κ: the actual variance of the scores, divided by their expected variance.
+
+        The scores are the gradients of the log-likelihood over blocks of half a second. The noise
+        model gives the expected variance. κ is at least 1. For n parameters and fewer than 2 n + 2
+        blocks, κ is set to 1.
+        """
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o)
         m = len(scores)
@@ -83,9 +88,10 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return the ratio of the scores' variance to the expected one.
+        """Return the ratio of the scores' actual variance to the expected variance.
 
-        The noise model gives the expected variance; for a bias-corrected fit, simulated flights do.
+        Scores are gradients of the log-likelihood. The noise model gives the expected variance. For
+        a bias-corrected fit (`CorrectedFit`), simulated flights give it.
         """
         return self.inflation
 
@@ -134,8 +140,9 @@ def estimate(
 
     ``problem`` is the likelihood of the recordings. ``noise`` (4,) is the initial process noise on
     roll, pitch, yaw (rad/s²/√Hz) and jitter (s); None: defaults. If the search does not converge,
-    it is repeated from other parameter values. Without ``start``, the search for the instant of a
-    change starts where the score is largest (`bias_correction.scans`).
+    it is repeated from other parameter values. Some effects begin at an unknown instant, such as an
+    added mass. Without ``start``, the search starts at the instant at which the score test of the
+    effect has its largest statistic (`bias_correction.scans`).
     """
     if start is None:
         start, noise = _start_at_instants(problem, noise)

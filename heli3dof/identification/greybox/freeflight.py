@@ -147,9 +147,9 @@ def fit_freeflight(
 ) -> MultiStepFit:
     """Return a multi-step fit of the effects ``names`` to ``recordings`` of one rig.
 
-    The recordings need all angles. ``progress`` receives a line of text per iteration. Raises
-    RecordingError if there are fewer than `LEAST_WINDOWS` windows of 3 s without take-off, table
-    and stops.
+    The recordings need all angles. ``progress`` receives a line of text per iteration. The fit uses
+    time windows of 3 s in which the rig flies: it is not on its table, at a mechanical stop, or in
+    take-off. Raises RecordingError if there are fewer than `LEAST_WINDOWS` windows.
     """
     problem = problem_of(recordings, names)
     return search(problem, weak_start(problem, progress=progress), progress=progress)
@@ -236,7 +236,8 @@ def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recordi
 def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
     """Return the fitted model called ``name``, with names and digests of its recordings.
 
-    The model has the mean over the recordings of each parameter in `VARYING`.
+    For each parameter in `VARYING`, the fit ``found`` has one value per recording. The model has
+    the mean of these values.
     """
     return GreyBoxModel(
         name=name,

@@ -10,8 +10,8 @@ N(start, spread²) of each parameter is weak. It matters only for parameters on 
 have no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
-rejects these parameters. If the derivatives by one parameter diverge, they are set to zero, so only
-the prior changes this parameter.
+rejects these parameters. If the derivatives with respect to one parameter diverge, they are set to
+zero, so only the prior changes this parameter.
 """
 
 from __future__ import annotations
@@ -134,7 +134,8 @@ class Likelihood:
 def diverged(D: np.ndarray) -> np.ndarray:
     """Return (n,) bool: the rows of D (n, E) with a value that is not finite or is too large.
 
-    D are the derivatives of E predicted readings by n scaled parameters; `DIVERGED` limits them.
+    Row j of D contains the derivatives of E predicted readings with respect to scaled parameter j.
+    `DIVERGED` limits them.
     """
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 

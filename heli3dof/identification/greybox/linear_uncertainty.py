@@ -86,10 +86,11 @@ def _response(
     cov: np.ndarray,
     omega: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the response of ``here`` at ω (F,) rad/s, and its standard deviation.
+    """Return the frequency response (F, 3, 2) of the model ``here`` in rad/V, and its std.
 
-    In each of the n models ``moved``, one parameter is moved by its step in ``steps`` (n,); ``cov``
-    (n, n) is P.
+    ``omega`` (F,) are the frequencies in rad/s. The standard deviation follows from the covariance
+    ``cov`` (n, n) of the scaled parameters by numerical derivatives. Each of the n models ``moved``
+    differs from ``here`` in one parameter, by the step for this parameter in ``steps`` (n,).
     """
     G0 = here.response(omega)
     dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])

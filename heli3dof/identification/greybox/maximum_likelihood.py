@@ -7,8 +7,8 @@ Each round has two parts, one for the noise and one for the scaled parameters θ
    noises of all axes change together. Once the noise has converged, only every fourth round takes
    this step.
 2. A step δ of θ, within the bounds. Let c be the filter's prediction of a reading, and ∂c its
-   gradient by θ at fixed filter gains. g is the score of the reading, w its information. Λ is the
-   prior's precision, θ_0 its mean. δ solves
+   gradient with respect to θ at fixed filter gains. g is the score of the reading, w its
+   information. Λ is the prior's precision, θ_0 its mean. δ solves
 
     (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ
 
@@ -163,9 +163,11 @@ def maximise(
 def damped_step(
     A: np.ndarray, g: np.ndarray, free: np.ndarray, lam: float
 ) -> tuple[np.ndarray, float]:
-    """Return the step δ (n,) with the factor λ = ``lam``, and half the Newton decrement.
+    """Return the damped Newton step δ (n,), and the predicted log-likelihood increase ½ gᵀδ.
 
-    Only the parameters ``free`` (n,) bool change. A (n, n) is H + Λ, g (n,) the right side.
+    The Levenberg–Marquardt factor λ = ``lam`` damps the step: δ solves (A + λ diag A) δ = g. ``A``
+    (n, n) is the information with the prior, ``g`` (n,) the gradient. Only the parameters ``free``
+    (n,) bool change; for the others, δ is 0.
     """
     damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])
     delta = np.zeros(len(g))
@@ -174,7 +176,10 @@ def damped_step(
 
 
 class HasLikelihood(Protocol):
-    """A problem with the log-likelihood (3,) by axis, of the scaled parameters and the noise."""
+    """An object with a method ``loglik``, which returns the log-likelihood (3,) by axis.
+
+    ``theta`` (n,) are scaled parameters. ``a`` (4,) is the process noise of three axes, and jitter.
+    """
 
     def loglik(self, theta: np.ndarray, a: np.ndarray, /) -> np.ndarray: ...
 
@@ -201,7 +206,11 @@ def noise_step(
 
 
 def scaled_noise(noise: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return the ``noise`` (4,) after a ``step`` (3,) of ln a, within limits; the jitter stays."""
+    """Return ``noise`` (4,) with its first three elements multiplied by exp(``step``) (3,).
+
+    These elements are the process noise of roll, pitch and yaw (rad/s²/√Hz). They are limited to
+    `NOISE_LOW` … `NOISE_HIGH`. The last element, the sampling jitter, does not change.
+    """
     a = np.clip(noise[:3] * np.exp(step), NOISE_LOW, NOISE_HIGH)
     return np.append(a, noise[3])
 

@@ -176,8 +176,9 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 def parameters(found: Estimate) -> dict[str, Parameter]:
     """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, warning or ``""``.
 
-    Let v_0 be the value at which an effect vanishes (0 for most parameters). If the effect is
-    absent from the recordings, the standard deviation is at least value − v_0.
+    Let v_0 be the value at which a parameter's effect vanishes (0 for most parameters). If the fit
+    does not find the effect (`PhysicalFit.absent`), the returned standard deviation is raised to at
+    least value − v_0. Then v_0 is within one standard deviation of the value.
     """
     least = np.where(found.absent, found.values - [f.null for f in found.free], 0.0)
     std = np.maximum(found.std, least)

@@ -110,17 +110,21 @@ class MultiStep:
     @cached_property
     def start(self) -> np.ndarray:
         """Return the optimiser's start point (dim,): the prior mean of the scaled parameters."""
-        return self.for_flights(self.structure.scaled(self.structure.values_of(self.centre)))
+        return self.unknowns(self.structure.scaled(self.structure.values_of(self.centre)))
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         free = self.structure.free
         low = self.structure.scaled(self.least.get(f.name, f.low) for f in free)
         high = self.structure.scaled(f.high for f in free)
-        return self.for_flights(low), self.for_flights(high)
+        return self.unknowns(low), self.unknowns(high)
 
-    def for_flights(self, theta: np.ndarray) -> np.ndarray:
-        """Return (dim,): ``theta`` (n,), then its parameters that vary, once for each flight."""
+    def unknowns(self, theta: np.ndarray) -> np.ndarray:
+        """Return the vector z (dim,) of all unknowns, with the same values for every flight.
+
+        z starts with the scaled parameters ``theta`` (n,). Then, for each flight, it repeats the
+        elements of ``theta`` that may differ between flights (``varying``).
+        """
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
     @cached_property

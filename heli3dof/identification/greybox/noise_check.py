@@ -64,18 +64,28 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return σ(`HORIZON_S`) (3,) in degrees: the RMSE that white noise would cause."""
+        """Return the RMSE (3,) in degrees that white process noise would cause on each axis.
+
+        It is the RMSE of predictions `HORIZON_S` ahead, for white noise of the fitted intensity.
+        """
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: the axes that meet both conditions of the module."""
+        """Return (3,) bool: True for each axis on which the fit overstates the process noise.
+
+        There the noise is more than `TIMES` times that of known rigs. It also implies prediction
+        errors (`expected_deg`) of more than `OVER` times the actual ones (``rmse_deg``).
+        """
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
     @property
     def usable(self) -> bool:
-        """Return True if a maximum-likelihood fit is valid: no axis is `overstated`."""
+        """Return True if a maximum-likelihood fit is valid.
+
+        It is valid if the fit overstates the process noise on no axis (`overstated`).
+        """
         return not self.overstated.any()
 
 

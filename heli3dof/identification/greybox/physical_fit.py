@@ -47,10 +47,10 @@ class PhysicalFit(ABC):
 
     @property
     def absent(self) -> np.ndarray:
-        """Return (n,) bool: True if the parameter's effect is absent from the recordings.
+        """Return (n,) bool: True for each parameter whose effect the fit did not find.
 
-        It is absent if the parameter is at its lower bound, where the effect vanishes: for example,
-        a lag at its least value of 1 ms.
+        Such a parameter is at its lower bound, where the effect vanishes: for example, a lag at its
+        least value of 1 ms.
         """
         return np.array([
             f.null <= f.low and v - f.low <= NEAR_BOUND * (f.low if f.log else f.typical)

@@ -32,7 +32,11 @@ means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or a fit of simplified equations if its likelihood is far higher."""
+    """Return a fit with simplified equations of motion if it is far likelier, else ``found``.
+
+    ``found`` is the fit with the full equations. Far likelier means: the log-likelihood is higher
+    by more than `REQUIRED_GAIN` · κ. κ is `Estimate.inflation`, which is 1 for white noise.
+    """
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
@@ -47,7 +51,12 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood by a, at a = 0."""
+    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood with respect to a.
+
+    a (2,) are the omitted shares of two parts of the equations of motion: the inertia couplings,
+    and the variation of the yaw inertia. The fit ``found`` has the full equations, a = 0. g and V
+    are those at a = 0, if the other parameters are fitted again for each a.
+    """
     o, n = found.optimum, len(found.theta)
     wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))
     theta = np.append(o.theta, np.zeros(len(SIMPLIFICATIONS)))

@@ -14,7 +14,7 @@ only one ratio deviates from 1, k stays near 1. k, estimated by exp(mean of ln k
 and inertias to SI.
 
 Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning
-reports a deviation of K_f if it is beyond the tolerance, and no deviation is excluded:
+reports a deviation of K_f if k is outside the tolerance, and ln k differs significantly from zero:
 
     |ln k| > |e|,    |ln k| > `SCALE_QUANTILE` σ_k        σ_k: standard deviation of ln k
 
@@ -54,7 +54,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class ThrustScale:
-    """The ratio k of the thrust gain to the profile's, and the standard deviation of ln k."""
+    """The ratio k of the rig's thrust gain to that in the profile, and the std of ln k."""
 
     k: float
     std: float
@@ -87,9 +87,10 @@ def edge(x: float, tolerance: float) -> float:
 
 
 def thrust_scale(fit: PhysicalFit | GreyBoxModel) -> ThrustScale:
-    """Return the thrust gain's ratio to the profile's, from a fit's gravity torque and inertias.
+    """Return the ratio of the rig's thrust gain to the thrust gain in the profile.
 
-    If the standard deviation of one of these parameters is unknown, it is taken as 0.
+    The ratio is estimated from the gravity torque and the three inertias of ``fit``. If the
+    standard deviation of one of these parameters is unknown, it is taken as 0.
     """
     nominal = np.array([f.start for f in fit.structure.free[:4]])
     x = fit.values[:4] / nominal
@@ -97,10 +98,12 @@ def thrust_scale(fit: PhysicalFit | GreyBoxModel) -> ThrustScale:
     return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
 
 
-def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
-    """Return the thrust gain's ratio k to nominal, from the ratios x/X_nominal (4,), here x.
+def of_ratios(ratios: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
+    """Return the ratio k of the thrust gain to its nominal value, from four other ``ratios`` (4,).
 
-    ``std`` (4,): their standard deviations. Ratios that are not positive are ignored.
+    These are the ratios of the fitted gravity torque and three inertias to their nominal values.
+    They are estimates of 1/k. ``std`` (4,) are their standard deviations. ``s`` is the relative
+    standard error of all nominal values. Ratios that are not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)
@@ -108,7 +111,7 @@ def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
     """
     u = np.linspace(-LOG_K_MAX, LOG_K_MAX, 3001)
     log_p = _log_t(u / s)
-    for value, error in zip(x, std, strict=True):
+    for value, error in zip(ratios, std, strict=True):
         if value > 0:
             width = np.hypot(s, error / value)
             log_p = log_p + _log_t((np.log(value) + u) / width)

@@ -31,7 +31,7 @@ from heli3dof.model.control.loop_task import under_control
 from heli3dof.model.control.unexplained_share import is_limited, unexplained_share
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.linear_controller import LinearController
-from heli3dof.recording.logs.sampling_clock import ticks
+from heli3dof.recording.logs.sampling_clock import estimate_clock
 from heli3dof.recording.recording import Recording
 
 ORDERS = (1, 2, 3, 4)
@@ -88,7 +88,7 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     """
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
     broken = is_limited(r.voltage, r.profile.motor.v_max)
-    broken[1:] |= ticks(r.t).missing > 0
+    broken[1:] |= estimate_clock(r.t).missing > 0
     k = np.flatnonzero(np.convolve(broken, np.ones(n + 1))[: len(r)] == 0)
     k = k[k >= n]
     reference = np.nan_to_num(r.reference[:, [r.has_reference(a) for a in AXES]])

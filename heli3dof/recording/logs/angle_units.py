@@ -2,8 +2,9 @@
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
    revolution. Values on the grid of one unit are not on the other grid.
-2. Size: roll and pitch stay within ±180°, and every angle in radians within the profile's
-   ``limits.yaw_max_deg``.
+2. Size: roll and pitch stay within ±180°. If a column's name states radians, its angle must also
+   stay within the profile's ``limits.yaw_max_deg``. Degrees that are taken for radians appear 57.3
+   times as large and usually exceed this limit.
 3. Newton's law, for roll and pitch: over windows of length T, the second difference of an angle q
    is the torque M over the inertia J, integrated twice:
 
@@ -11,8 +12,9 @@
 
    M/J follows from the front and back voltage: L_a K_f (V_f + V_b)/J_roll on roll,
    L_h K_f (V_f − V_b)/J_pitch on pitch. L_a and L_h are lever arms, K_f is the thrust per volt. The
-   ratio of the standard deviations, left to right side, is 0.4 … 2.7 on real rigs, because M lacks
-   other torques. A wrong unit changes this ratio by a factor of 57.3.
+   test divides the standard deviation of the left side by that of the right side. This ratio is
+   0.4 … 2.7 on real rigs, because M lacks other torques. A wrong unit changes it by a factor of
+   57.3.
 """
 
 from __future__ import annotations
@@ -71,7 +73,8 @@ def check_angles(
 
     Warnings: an angle that is constant, moves against its voltages, is off the encoder's grid, or
     may have another unit. ``source`` is the log's name for messages. ``columns`` are those of
-    docs/reference/recording.md; ``origins``: column → expression that computed it (`Table`).
+    docs/reference/recording.md. ``origins``: column → the expression of the log's columns from
+    which it was computed (`Table.origins`).
     """
     warnings: list[str] = []
     for axis in AXES:
@@ -79,8 +82,8 @@ def check_angles(
             name = f"{axis}_{unit}"
             if name not in columns:
                 continue
-            logged = operand((origins or {}).get(name, name))
-            warnings += _check_angle(source, name, columns, profile, logged)
+            expression = operand((origins or {}).get(name, name))
+            warnings += _check_angle(source, name, columns, profile, expression)
             for ref_unit in ("deg", "rad"):
                 ref = f"{axis}_ref_{ref_unit}"
                 if ref in columns:
@@ -90,7 +93,7 @@ def check_angles(
 
 
 def _check_angle(
-    source: str, name: str, columns: Mapping[str, np.ndarray], profile: Profile, logged: str
+    source: str, name: str, columns: Mapping[str, np.ndarray], profile: Profile, expression: str
 ) -> list[str]:
     values = columns[name]
     axis, unit, counts = _of_column(name, profile)
@@ -108,7 +111,7 @@ def _check_angle(
             )
         )
     if not on_grid(values, TURN[unit] / counts):
-        _refuse(source, name, values, ratio, profile, logged)
+        _refuse_wrong_unit(source, name, values, ratio, profile, expression)
     seen = counts_seen(values, unit, counts)
     if seen == counts:
         return warnings
@@ -136,15 +139,21 @@ def _of_column(name: str, profile: Profile) -> tuple[str, str, int]:
     return axis, unit, abs(int(getattr(profile.encoder, axis)))
 
 
-def _refuse(
-    source: str, name: str, values: np.ndarray, ratio: float | None, profile: Profile, logged: str
+def _refuse_wrong_unit(
+    source: str,
+    name: str,
+    values: np.ndarray,
+    ratio: float | None,
+    profile: Profile,
+    expression: str,
 ) -> None:
     """Raise RecordingError if angles are not in the unit that their column's name states.
 
-    ``source``: the log; ``name``: the angle's column; ``values``: the angles (N,), which are not on
-    the encoder's grid in the stated unit; ``ratio``: measured motion divided by the motion that the
-    voltages explain (`newton`), None if unknown; ``logged``: the expression of the log's columns
-    that computed the angle.
+    * ``source``: name of the log; ``name``: name of the angle's column
+    * ``values``: angles (N,), which are not on the encoder's grid in the stated unit
+    * ``ratio``: measured motion divided by the motion that the voltages explain (`newton`); None if
+      unknown
+    * ``expression``: how the angle was computed from the log's columns, for messages
     """
     axis, unit, counts = _of_column(name, profile)
     other = OTHER[unit]
@@ -158,7 +167,7 @@ def _refuse(
             f"{FULL_NAME[unit]}.",
             cause=f"raw encoder counts ({counts} per revolution).",
             fix=f"multiply them by {to_unit} (and by the encoder's sign): "
-            + as_options({name: f"{to_unit}*{logged}"}),
+            + as_options({name: f"{to_unit}*{expression}"}),
         )
     if on_grid(values, TURN[other] / counts, levels=4):
         raise wrong_unit(
@@ -189,11 +198,12 @@ def _refuse(
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Return the counts per revolution of the grid on which the angles lie; None without a grid.
+    """Return the number N of counts per revolution for which the angles are multiples of 360°/N.
 
-    ``values``: angles (N,) in ``unit``; ``counts``: the profile's number. The result is this
-    number, a fraction of it if only every second (third, …) count occurs, or the number of another
-    common encoder.
+    ``values``: angles (N,) in ``unit``; ``counts``: counts per revolution in the profile. The
+    result is ``counts`` if these fit. It is ``counts``/2, ``counts``/3, … if the angles take only
+    every second, third, … of these counts. If ``counts`` does not fit, it is the number of another
+    common encoder that fits, or None.
     """
     if on_grid(values, TURN[unit] / counts):
         seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
@@ -205,12 +215,12 @@ def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
 def _check_reference(
     source: str, name: str, angle: np.ndarray, ref: str, reference: np.ndarray
 ) -> None:
-    """Raise RecordingError if an angle follows its reference, but in another unit.
+    """Raise RecordingError if an angle follows its reference, but one of their units is wrong.
 
-    ``angle`` and ``reference`` (N,) are in revolutions, converted by the units in their columns'
-    names ``name`` and ``ref``. It is an error if their correlation exceeds 0.5 and the slope of
-    ``angle`` over ``reference`` is outside 1/15 … 15. Degrees taken for radians give a slope of
-    57.3.
+    ``name`` and ``ref`` are the names of the two columns. The caller has converted ``angle`` and
+    ``reference`` (N,) to revolutions, from the units that these names state. If a stated unit is
+    wrong, the slope of ``angle`` over ``reference`` is about 57.3 or 1/57.3. The function raises
+    the error if the slope is outside 1/15 … 15 and the correlation exceeds 0.5.
     """
     spread = float(np.std(reference))
     if spread == 0 or np.std(angle) == 0:
@@ -232,13 +242,17 @@ def newton(
 ) -> tuple[float, float] | None:
     """Compare an angle's motion with the motion that the voltages explain by Newton's law.
 
-    The motion is the angle's second difference over windows of `NEWTON_WINDOW_S`. The voltages
-    explain the acceleration torque/inertia, integrated twice. Returns the ratio of the standard
-    deviations, measured to explained (about 1 in the right unit), and the correlation (positive
-    with the right sign). Returns None for yaw, for fewer than eight windows, for less than about
-    one count of explained motion, and for constant measured motion.
+    The measured motion is the angle's second difference over windows of `NEWTON_WINDOW_S`. The
+    explained motion is the acceleration torque/inertia, integrated twice. The function returns two
+    values:
 
-    ``angle`` (N,) rad is that of ``axis``; ``columns`` has times and voltages.
+    * the standard deviation of the measured motion divided by that of the explained motion, about 1
+      if the unit is right
+    * the correlation of the two, positive if the sign is right
+
+    Returns None for yaw, for fewer than eight windows, for less than about one count of explained
+    motion, and for constant measured motion. ``angle`` (N,): the angle of ``axis`` in rad;
+    ``columns`` must contain times and voltages.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))

@@ -31,8 +31,8 @@ def recording_from_table(
 ) -> Recording:
     """Check a table and return it as a `Recording`; warnings are added to ``meta["warnings"]``.
 
-    ``check_values=False`` skips the checks that angles and voltages have the units in their names.
-    Raises RecordingError for:
+    ``check_values=False`` skips the tests whether the angles and voltages have plausible values for
+    the units in the columns' names. Raises RecordingError for:
 
     * a missing required column, or no angle at all
     * an angle both in degrees and in radians, or in another unit than its name states
@@ -56,7 +56,7 @@ def recording_from_table(
             f"{table.source} has no angle column.",
             cause="only voltages were logged, or the angles have other names "
             f"(its columns: {listed(columns, LISTED)}).",
-            fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
+            fix=_mapping_remedy(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
     known = {name: columns[name] for name in sorted(KNOWN & columns.keys())}
     lost = log_validation.lost_rows(table.source, known, table.where)
@@ -73,12 +73,12 @@ def recording_from_table(
         table = replace(table, where=lambda k: where(int(kept[k])))
     t = columns["t_s"]
     warnings += log_validation.check_sampling_times(
-        table.source, t, profile.dt, table.where, _logged(table, "t_s")
+        table.source, t, profile.dt, table.where, _expression(table, "t_s")
     )
     if check_values:
         warnings += log_validation.check_voltages(
             table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max,
-            (_logged(table, "v_front_V"), _logged(table, "v_back_V")),
+            (_expression(table, "v_front_V"), _expression(table, "v_back_V")),
         )  # fmt: skip
         warnings += angle_units.check_angles(table.source, columns, profile, table.origins)
     if profile.controller_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
@@ -122,7 +122,7 @@ def check_names(table: Table, rate_hz: float) -> None:
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
             cause=f"the logging program named it otherwise; its columns: {listed(names, LISTED)}.",
-            fix=_map_options(table, f"{missing[0]}={expression}"),
+            fix=_mapping_remedy(table, f"{missing[0]}={expression}"),
         )
     for form in ANGLES.values():
         for axis in AXES:
@@ -135,16 +135,21 @@ def check_names(table: Table, rate_hz: float) -> None:
                 )
 
 
-def _logged(table: Table, column: str) -> str:
-    """Return the expression that computed a ``column``, as a part of another expression."""
+def _expression(table: Table, column: str) -> str:
+    """Return the expression from which ``column`` was computed, for use in a longer expression.
+
+    The expression contains names of the log's columns. Unless it is a single name, it is in
+    parentheses.
+    """
     return operand(table.origins.get(column, column))
 
 
-def _map_options(table: Table, example: str) -> str:
-    """Return, for an error message, a command that maps the log's columns to heli3dof's.
+def _mapping_remedy(table: Table, example: str) -> str:
+    """Return the advice of an error message: a command that imports the log with ``--map`` options.
 
-    If the log's columns have common names (`known_names`), the command contains their mapping, and
-    the required columns without one are named. Otherwise, it contains ``example``.
+    If `known_names` recognises columns of the log, the options map these columns to heli3dof's. The
+    advice then also lists the required columns that still need a ``--map`` option. If no column is
+    recognised, the option is ``example``, such as ``t_s=EXPRESSION``.
     """
     found = suggest(table.columns)
     if found:

@@ -1,20 +1,21 @@
-"""Find angles that a log holds for several rows.
+"""Find angles of which a log repeats each encoder reading in several successive rows.
 
-A program that logs faster than it reads an encoder repeats each reading for m rows. The count then
-changes only in every m-th row. Let an axis move by c counts per row, and let g be the number of
-rows from one change of its count to the next:
+A program that logs faster than it reads an encoder repeats each reading in m rows (sample and
+hold). The count then changes only in every m-th row. Let an axis move by c counts per row, and let
+g be the number of rows from one change of its count to the next:
 
-* Read in every row, the count changes by at most ⌈c⌉. Changes of two counts or more need c > 1, and
-  then every row has one: g = 1.
-* Held for m rows, the count changes by about c m. Changes of two counts or more need c m > 1, and
-  are m rows apart: g = m.
+* If the program reads the encoder for every row, the count changes by at most ⌈c⌉. Changes of two
+  counts or more need c > 1. Then the count changes in every row: g = 1.
+* If the program reads the encoder for every m-th row, the count changes by about c m. Changes of
+  two counts or more need c m > 1. Then the count changes in every m-th row: g = m.
 
-So m is the typical g between two successive changes of two counts or more in the same direction,
-and no change, however small, follows another much earlier. Slow or still axes change by single
-counts and are not tested. A count is the smallest change of the logged angle, and at least the
-encoder's step, because a log may print fewer digits.
+The estimate of m is the typical g between two successive changes of two counts or more in the same
+direction. The readings count as repeated only if two more conditions hold. Most of these g must be
+close to m. And most changes, even changes of one count, must follow the previous change after more
+than m/2 rows. If the host is late, it delays some changes, too, but then the values of g scatter.
 
-A late host delays some changes, too, but then the values of g scatter.
+Slow axes change by single counts and are not tested. A count is the smallest change of the logged
+angle, and at least the encoder's step, because a log may print fewer digits.
 """
 
 from __future__ import annotations
@@ -31,16 +32,17 @@ LEAST = 20
 """Least number of pairs of such changes that is tested. Chosen, as are the constants below: real
 logs of three rigs have g = 1, or at most three pairs."""
 NEAR = 0.2
-"""Of held angles, g is within this share of m, and at least within one row of it"""
+"""g is close to m if it differs by at most this share of m, or by one row"""
 REGULAR = 0.9
-"""Least share of pairs with such a g, and of all changes with a g above m/2"""
+"""Least share of the pairs with a g close to m; least share of all changes with a g above m/2"""
 HELD_CAUSE = "the program logs faster than it reads the encoders, and repeats each reading."
 
 
-def rows_held(angle: np.ndarray, step: float) -> float:
-    """Return the mean number of rows m for which the log holds a reading; 1 if it holds none.
+def rows_per_reading(angle: np.ndarray, step: float) -> float:
+    """Return the mean number of successive rows in which the log repeats each encoder reading.
 
-    ``angle`` (N,), finite, and the encoder's ``step`` have the same unit.
+    The result is 1 if the log does not repeat readings regularly. ``angle`` (N,): finite angles;
+    ``step``: the encoder's step in the same unit.
     """
     change = np.diff(angle)
     rows = np.flatnonzero(change)
@@ -61,24 +63,26 @@ def rows_held(angle: np.ndarray, step: float) -> float:
 
 
 def held_axes(angle: np.ndarray, rad_per_count: np.ndarray) -> dict[str, float]:
-    """Return {axis: m} for the axes whose angle (N, 3) rad the log holds for m rows (`rows_held`).
+    """Return {axis: m} for each axis whose readings the log repeats in m > 1 rows on average.
 
-    ``rad_per_count`` (3,): the encoders' steps. Rows with NaN are left out.
+    ``angle`` (N, 3): angles in rad; rows with NaN are left out. ``rad_per_count`` (3,): the
+    encoders' steps. `rows_per_reading` estimates m.
     """
     found = {}
     for axis, q, step in zip(AXES, angle.T, rad_per_count, strict=True):
-        m = rows_held(q[np.isfinite(q)], float(step))
+        m = rows_per_reading(q[np.isfinite(q)], float(step))
         if m > 1:
             found[axis] = m
     return found
 
 
-def held_clause(held: Mapping[str, float], rate_hz: float) -> str:
-    """Return the clause that states the rows m of each axis in ``held``.
+def held_angles_clause(held: Mapping[str, float], rate_hz: float) -> str:
+    """Return the clause that states after how many rows the angle of each axis changes.
 
-    ``rate_hz``: the rows' rate.
+    ``held``: {axis: number of rows in which the log repeats each reading}; ``rate_hz``: rate of the
+    log's rows.
 
-    >>> held_clause({"roll": 10.0, "pitch": 10.0, "yaw": 3.3}, 1000.0).partition(": ")[2]
+    >>> held_angles_clause({"roll": 10.0, "pitch": 10.0, "yaw": 3.3}, 1000.0).partition(": ")[2]
     'roll, pitch every 10 rows (100 Hz); yaw every 3.3 rows (303 Hz)'
     """
     axes: dict[str, list[str]] = {}
@@ -89,6 +93,10 @@ def held_clause(held: Mapping[str, float], rate_hz: float) -> str:
     )
 
 
-def held_fix(held: Mapping[str, float], rate_hz: float) -> str:
-    """Return the remedy for the axes in ``held``: the import option that keeps one row of m."""
+def one_row_per_reading(held: Mapping[str, float], rate_hz: float) -> str:
+    """Return the remedy for a log that repeats readings: an import with one row per reading.
+
+    ``held``: {axis: number of rows in which the log repeats each reading}; the largest number is
+    used. ``rate_hz``: rate of the log's rows.
+    """
     return f"import the log with --rate {rate_hz / max(held.values()):.3g}"

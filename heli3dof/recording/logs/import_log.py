@@ -56,7 +56,8 @@ def import_log(
       profile's ``[log]``
     * ``rate_hz``: keep the rows at this rate (`lower_rate`), which becomes the profile's
       ``loop.rate_hz``
-    * ``check_values=False`` skips the checks that angles and voltages have the units in their names
+    * ``check_values=False`` skips the tests whether the angles and voltages have plausible values
+      for the units in the columns' names
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
@@ -71,9 +72,10 @@ def read_log(
     mapping: Mapping[str, str] | None = None,
     rate_hz: float | None = None,
 ) -> Table:
-    """Return one flight's files as one table, unchecked: columns, mapped columns, rig's profile.
+    """Return the log of one flight as one table, before its values are checked.
 
-    `import_log` describes the arguments. Raises RecordingError or UsageError.
+    The table contains the columns of all files, the columns computed by the mapping, and the rig's
+    profile. `import_log` describes the arguments. Raises RecordingError or UsageError.
     """
     files = _files(paths)
     if len(files) > 1 and columns is not None:
@@ -100,7 +102,8 @@ def recording_of(
 ) -> Recording:
     """Check the table that `read_log` read from ``paths``, and return it as a `Recording`.
 
-    ``check_values=False`` skips the checks that angles and voltages have the units in their names.
+    ``check_values=False`` skips the tests whether the angles and voltages have plausible values for
+    the units in the columns' names.
     """
     files = _files(paths)
     first, *others = (_digest(path) for path in files)

@@ -25,14 +25,15 @@ class Table:
     profile: Profile | None = None
     """The rig's profile, if the file contains one"""
     origins: Mapping[str, str] = field(default_factory=dict)
-    """Column → its name in the log, or the expression that computed it; a column that is not listed
-    has the same name in the log"""
+    """Column → its name in the log, or the expression from which it was computed; a column that is
+    not listed has the same name in the log"""
     ignored: Sequence[str] = ()
     """Names of the columns that were left out, each with the reason"""
     means: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Column of a faster log → its means over the intervals of the rows, for voltages"""
+    """Column → its mean from each row to the next. Only columns of a log that was faster than the
+    joined table are listed; voltages use the means."""
     paths: Mapping[str, str] = field(default_factory=dict)
-    """Full path in the log, such as ``flight.angle.roll`` → column; a mapping accepts both names"""
+    """Full path in the log, such as ``flight.angle.roll`` → column; ``--map`` accepts both names"""
     notes: Sequence[str] = ()
     """How the file was read, for the import's preview; unlike warnings, not kept in recordings"""
 

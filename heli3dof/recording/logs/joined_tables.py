@@ -1,7 +1,8 @@
 """Join the tables of several logs of one flight on their common clock.
 
-The rows are those of the slowest log. A faster log's signals are sampled there; its voltages are
-averaged over the interval of each row (`lower_rate`).
+The joined table has the rows of the slowest log. From a faster log it takes the samples at the same
+times. It also contains the mean of each signal from one of these rows to the next: `lower_rate`
+uses the means of the voltages.
 """
 
 from __future__ import annotations
@@ -36,13 +37,16 @@ NAMED = 2
 
 
 def clock_of(names: Iterable[str]) -> str | None:
-    """Return the one of ``names`` that comes first in `CLOCK_NAMES`; None if there is none."""
+    """Return the name of the time vector among the ``names`` of signals; None if there is none.
+
+    `CLOCK_NAMES` lists the possible names in order of priority. The comparison ignores upper case.
+    """
     lower = {name.lower(): name for name in reversed(list(names))}
     return next((lower[clock] for clock in CLOCK_NAMES if clock in lower), None)
 
 
 def with_clock(table: Table) -> Table:
-    """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock."""
+    """Return ``table`` with its time vector as column ``t_s``; unchanged if it has none."""
     name = clock_of(table.columns)
     if name is None or "t_s" in table.columns:
         return table
@@ -162,7 +166,11 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
 
 
 def _check_rate(slowest: Table, longest_s: float, other: Table, period_s: float) -> None:
-    """Raise RecordingError unless the longest period is a small multiple of the other period."""
+    """Raise RecordingError unless ``longest_s`` is n times ``period_s``, n = 1 … `MAX_MULTIPLE`.
+
+    n is an integer; a relative deviation of up to `SAME_RATE` is allowed. ``longest_s``: sampling
+    period of the table ``slowest``; ``period_s``: that of the table ``other``.
+    """
     multiple = round(longest_s / period_s)
     if multiple > MAX_MULTIPLE or abs(longest_s / period_s / multiple - 1) > SAME_RATE:
         raise RecordingError(

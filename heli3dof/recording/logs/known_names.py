@@ -90,9 +90,10 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def with_own_names(table: Table) -> Table:
-    """Return ``table`` with heli3dof's names for its columns that state such a name and a unit.
+    """Return ``table``, in which a column such as ``Roll [deg]`` has heli3dof's name ``roll_deg``.
 
-    A column keeps its name if the table has another column for the same quantity.
+    A column is renamed if its name is a quantity of heli3dof's with a unit in brackets
+    (`own_name`). It keeps its name if the table has another column for the same quantity.
     """
     found = {name: own for name in table.columns if (own := own_name(name))}
     taken = Counter(map(without_unit, [*found.values(), *(KNOWN & table.columns.keys())]))
@@ -108,7 +109,9 @@ def with_own_names(table: Table) -> Table:
 
 
 def own_name(name: str) -> str | None:
-    """Return heli3dof's column for a ``name`` with a unit in brackets; None if there is none.
+    """Return heli3dof's name for a column whose ``name`` is a quantity with a unit in brackets.
+
+    The result is None if heli3dof has no column of this quantity and unit.
 
     >>> own_name("Roll [deg]"), own_name("v_front (V)"), own_name("Time [s]"), own_name("t [ms]")
     ('roll_deg', 'v_front_V', 't_s', None)
@@ -127,7 +130,7 @@ def as_options(mapping: Mapping[str, str]) -> str:
 
 
 def operand(expression: str) -> str:
-    """Return an expression as a part of another one: in parentheses, unless it is a name.
+    """Return an expression for use in a longer one: in parentheses, unless it is a single name.
 
     >>> operand("enc[1]"), operand("Vs-Vd")
     ('enc[1]', '(Vs-Vd)')

@@ -13,9 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.logs.held_angles import HELD_CAUSE, held_axes, held_clause, held_fix
+from heli3dof.recording.logs.held_angles import (
+    HELD_CAUSE,
+    held_angles_clause,
+    held_axes,
+    one_row_per_reading,
+)
 from heli3dof.recording.logs.known_names import IMPORT, as_options
-from heli3dof.recording.logs.sampling_clock import ticks
+from heli3dof.recording.logs.sampling_clock import estimate_clock
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
@@ -63,7 +68,7 @@ class Timing:
     jitter_s: float
     """s, RMS deviation of the intervals, gaps excluded, from the median"""
     gaps: int
-    """Number of intervals in which samples are missing (`Ticks.missing`)"""
+    """Number of intervals in which samples are missing (`SamplingClock.missing`)"""
     longest_gap_s: float
     """s, longest interval between two samples with missing samples in between"""
     lost_share: float
@@ -74,7 +79,7 @@ def timing(t: np.ndarray) -> Timing:
     """Return the statistics of sample times ``t`` (N,) in s, strictly increasing, N ≥ 2."""
     dt = np.diff(t)
     period = float(np.median(dt))
-    clock = ticks(t)
+    clock = estimate_clock(t)
     missing = clock.missing
     gap, lost = missing > 0, int(missing.sum())
     return Timing(
@@ -102,8 +107,9 @@ def check_time_increases(
 ) -> None:
     """Raise RecordingError if the time t (N,) s does not increase at every sample.
 
-    ``period_s``: the profile's control period. If it is the mean interval, the times were rounded,
-    and the advice is to compute them from the sample's number.
+    ``period_s``: the profile's control period. If two times are equal, but the mean interval is
+    ``period_s``, the log's times were rounded. The error then advises the user to compute the time
+    from the sample's number.
     """
     dt = np.diff(t)
     wrong = ~(dt > 0)
@@ -137,12 +143,12 @@ def check_time_increases(
 
 
 def check_sampling_times(
-    source: str, t: np.ndarray, period_s: float, where: Where, logged: str = "t_s"
+    source: str, t: np.ndarray, period_s: float, where: Where, expression: str = "t_s"
 ) -> list[str]:
     """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
-    control period. ``logged``: the expression of the log's columns that computed t.
+    control period. ``expression``: how ``t`` was computed from the log's columns, for messages.
     """
     check_time_increases(source, t, where, period_s)
     found = timing(t)
@@ -151,7 +157,7 @@ def check_sampling_times(
             f"{source}: t_s contains whole numbers in steps of 1; the profile's period is "
             f"{period_s:.6g} s.",
             cause="t_s is the number of the sample.",
-            fix="divide t_s by the rate: " + as_options({"t_s": f"{logged}/{1 / period_s:g}"}),
+            fix="divide t_s by the rate: " + as_options({"t_s": f"{expression}/{1 / period_s:g}"}),
         )
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:
@@ -159,7 +165,8 @@ def check_sampling_times(
                 f"{source}: t_s steps by {found.period_s:.6g}; the profile's period is "
                 f"{period_s:.6g} s.",
                 cause=f"t_s is in {unit}.",
-                fix=f"divide t_s by {factor:.0f}: " + as_options({"t_s": f"{logged}/{factor:.0f}"}),
+                fix=f"divide t_s by {factor:.0f}: "
+                + as_options({"t_s": f"{expression}/{factor:.0f}"}),
             )
     warnings: list[str] = []
     if abs(found.period_s / period_s - 1) > 0.02:
@@ -186,14 +193,15 @@ def hidden_timing_warnings(
 ) -> list[str]:
     """Return a warning if the angles (N, 3) rad show a timing fault that ``t`` (N,) s does not.
 
-    The faults are angles that are held for several rows (`held_angles`), and otherwise sampling
-    jitter (`sampling_jitter`). ``rad_per_count`` (3,): the encoders' steps.
+    There are two such faults. The log repeats each encoder reading in several rows (`held_angles`),
+    or the samples were not taken at equal intervals (`sampling_jitter`). Jitter is estimated only
+    if no reading is repeated. ``rad_per_count`` (3,): the encoders' steps.
     """
     if held := held_axes(angle, rad_per_count):
         rate_hz = 1 / float(np.median(np.diff(t)))
         return [
-            f"Held angles: {held_clause(held, rate_hz)}. Likely cause: {HELD_CAUSE} Try: "
-            f"{held_fix(held, rate_hz)}"
+            f"Held angles: {held_angles_clause(held, rate_hz)}. Likely cause: {HELD_CAUSE} Try: "
+            f"{one_row_per_reading(held, rate_hz)}"
         ]
     found = motion_jitter(t, angle, rad_per_count)
     if not found.is_significant:
@@ -210,15 +218,17 @@ def check_voltages(
     front: np.ndarray,
     back: np.ndarray,
     v_max: float,
-    logged: tuple[str, str] = ("v_front_V", "v_back_V"),
+    expressions: tuple[str, str] = ("v_front_V", "v_back_V"),
 ) -> list[str]:
     """Check voltages against the limit ``v_max`` (V); return warnings.
 
-    ``front``, ``back``: the motors' voltages (N,) in V; ``logged``: the expressions of the log's
-    columns that computed them. Raises RecordingError for voltages above 20 times the limit.
+    ``front``, ``back``: the motors' voltages (N,) in V. ``expressions``: how these two were
+    computed from the log's columns, for messages. Raises RecordingError for voltages above 20 times
+    the limit.
     """
     warnings, beyond = list[str](), list[str]()
-    for name, v, expression in zip(("v_front_V", "v_back_V"), (front, back), logged, strict=True):
+    signals = zip(("v_front_V", "v_back_V"), (front, back), expressions, strict=True)
+    for name, v, expression in signals:
         top = float(np.abs(v).max())
         command = f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:

@@ -1,8 +1,8 @@
-"""Keep the rows of a log at a lower rate, with the mean of each voltage over the interval of a row.
+"""Reduce the rate of a log: keep some rows, and average each voltage from one kept row to the next.
 
-The voltage of row k acts until row k + 1. A model that holds the voltage between two kept rows
-needs its mean over all rows from the first of the two to the row before the second: the mean has
-the same integral. All other signals are those of the kept row.
+In the log, the voltage of row k acts until row k + 1. A model of the kept rows assumes a constant
+voltage from one kept row i to the next one j. The mean voltage of the rows i … j − 1 has the same
+integral. All other signals are not averaged.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
-from heli3dof.recording.logs.held_angles import rows_held
+from heli3dof.recording.logs.held_angles import rows_per_reading
 from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.logs.log_validation import check_time_increases
 from heli3dof.rig.log_columns import ANGLE_UNITS, VOLTAGE_COLUMNS
@@ -25,10 +25,11 @@ MEANS = "with the mean of each voltage over the interval to the next one."
 
 
 def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
-    """Return the rows of ``table`` at ``rate_hz``.
+    """Return about ``rate_hz`` rows per second of ``table``; voltages are means until the next row.
 
-    If the log holds an angle (`rows_held`), the kept rows are those in which it changes. If their
-    spacing in rows then alternates, as 3, 3, 4, they get evenly spaced times. Raises
+    A log may repeat each reading of an angle in several rows (`rows_per_reading`). Then this
+    function keeps the rows in which the angle changes. The number of rows between two kept rows may
+    alternate, for example 3, 3, 4. In this case the kept rows get evenly spaced times. Raises
     UsageError if ``rate_hz`` exceeds the log's rate, RecordingError if time does not increase.
     """
     t = table.columns["t_s"]
@@ -46,9 +47,9 @@ def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
     for axis, step in zip(AXES, profile.encoder.rad_per_count, strict=True):
         for unit, factor in ANGLE_UNITS.items():
             angle = np.nan_to_num(table.columns.get(f"{axis}_{unit}", np.zeros(1)))
-            if rows_held(angle, float(step) / factor) > 1:
+            if rows_per_reading(angle, float(step) / factor) > 1:
                 changes.append(np.flatnonzero(np.diff(angle)) + 1)
-    rows = _rows(np.unique(np.concatenate(changes)), m, len(t))
+    rows = _rows_to_keep(np.unique(np.concatenate(changes)), m, len(t))
     columns = {
         name: interval_means(values, rows) if name in VOLTAGE_COLUMNS else values[rows]
         for name, values in table.columns.items()
@@ -65,17 +66,23 @@ def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
 
 
 def with_mean_voltages(table: Table) -> Table:
-    """Return ``table`` with `Table.means` in place of a faster log's sampled voltages."""
+    """Return ``table`` with mean voltages (`Table.means`) in place of sampled ones.
+
+    `Table.means` has a mean if several logs were joined and the voltage came from a faster log than
+    the kept rows. The mean is over the time from one kept row to the next.
+    """
     sources = {name: table.origins.get(name, name) for name in VOLTAGE_COLUMNS}
     means = {n: table.means[s] for n, s in sources.items() if s in table.means}
     voltages = {n: values for n, values in means.items() if n in table.columns}
     return replace(table, columns={**table.columns, **voltages})
 
 
-def _rows(changes: np.ndarray, m: float, n: int) -> np.ndarray:
-    """Return the rows to keep of ``n``: about every m-th, and the one of ``changes`` nearest to it.
+def _rows_to_keep(changes: np.ndarray, m: float, n: int) -> np.ndarray:
+    """Return the indices of the rows to keep of a log with ``n`` rows: about every ``m``-th row.
 
-    A row of ``changes`` is used if it is less than m/2 rows away.
+    ``changes``: increasing indices of the rows in which an angle changes. A row is due ``m`` rows
+    after the previous kept row. If a row in ``changes`` is less than m/2 rows away from the due
+    row, the nearest such row is kept instead.
     """
     rows: list[int] = []
     due = max((float(changes[0]) + 0.5) % m - 0.5, 0.0) if len(changes) else 0.0
@@ -90,9 +97,11 @@ def _rows(changes: np.ndarray, m: float, n: int) -> np.ndarray:
 
 
 def interval_means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the means of ``values`` (N,) from each of the increasing ``rows`` (n,) to the next.
+    """Return the mean of ``values`` (N,) over each of n successive intervals of rows.
 
-    The last interval is as long as the one before, or ends with the values.
+    ``rows`` (n,): increasing indices of the rows at which the intervals start. Each interval ends
+    before the next one starts. The last interval is as long as the interval before it, but not
+    longer than ``values``.
     """
     last = int(rows[-1]) + (int(rows[-1] - rows[-2]) if len(rows) > 1 else 1)
     stop = min(last, len(values))

@@ -8,20 +8,23 @@ time. A phase-locked loop follows the clock,
     ĝ_k = t_k − e_k + α e_k,    T̂ ← T̂ + β e_k
 
 T̂ is the estimated period, ĝ_k the time of sample k on the estimated, evenly spaced clock, and e_k
-the stamp's deviation from the prediction; α and β are small. So the count n_k is right while |ε|
-stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start at the values
-that fit the first time stamps best. No loop is needed if every interval is within a quarter of a
-period of a multiple of T̂: each interval then determines its own count. ε is the residual of
-straight lines t_k over n_k, fitted to groups of `STRETCH` samples.
+the time stamp's deviation from the prediction; α and β are small. The count n_k is right while |ε|
+stays below half a period. The phase-locked loop also follows a clock that drifts. T̂ and ĝ start at
+the values that fit the first time stamps best.
+
+The phase-locked loop is not needed if every interval differs from a multiple of T̂ by less than
+T̂/4. Rounding then gives the number of periods in each interval. ε is the residual of a linear
+regression of t_k on n_k, separately in each group of `STRETCH` samples.
 
 A large ε has one of two causes:
 
 * The samples were taken at the times of the time stamps.
-* They were taken evenly and the time stamps are late. A host that receives several samples at once
-  gives all of them nearly the same time stamp.
+* The samples were taken evenly, but the time stamps are late. A host that receives several samples
+  at once gives all of them nearly the same time stamp: the time stamps come in bursts.
 
-Stamps in bursts are late. Otherwise the motion decides: `sampling_times` uses the clock for which
-`sampling_jitter` estimates the smaller jitter σ_t.
+If the time stamps come in bursts, `sampling_times` assumes the second cause. Otherwise it estimates
+the jitter σ_t from the motion (`sampling_jitter`), for the time stamps and for evenly spaced times.
+It returns the times with the smaller jitter.
 """
 
 from __future__ import annotations
@@ -49,23 +52,23 @@ LATE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Ticks:
-    """Sampling clock of N samples: the samples' numbers n_k, the period and the jitter."""
+class SamplingClock:
+    """Estimated sampling clock of N samples: their numbers n_k, the period and the jitter."""
 
     number: np.ndarray
     """(N,) numbers n_k of the samples, from zero; lost samples are counted too"""
     period_s: float
     jitter_s: float
-    """s, standard deviation of ε"""
+    """s, standard deviation of ε, the time stamps' deviation from an evenly spaced clock"""
     jitter_std_s: float
     """s, standard error of ``jitter_s``"""
 
     @property
     def missing(self) -> np.ndarray:
-        """Return the number of lost samples (N − 1,) in each interval.
+        """Return the number of samples lost between each two successive samples (N − 1,).
 
-        If a time stamp is more than half a period late, its sample gets the number of the next
-        sample. It counts as late, not as lost.
+        A sample whose time stamp is more than half a period late gets the number of the next
+        sample. The skipped number then does not count as a lost sample.
         """
         k = np.arange(len(self.number))
         lost_until = np.minimum.accumulate((self.number - k)[::-1])[::-1]
@@ -77,15 +80,20 @@ class Ticks:
         return int(self.number[-1]) + 1 - len(self.number)
 
 
-def ticks(t: np.ndarray) -> Ticks:
-    """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 2."""
-    number = np.arange(len(t)) if in_bursts(t) else _counted(t)
+def estimate_clock(t: np.ndarray) -> SamplingClock:
+    """Estimate period, sample numbers and jitter from increasing time stamps t (N,) s, N ≥ 2."""
+    number = np.arange(len(t)) if in_bursts(t) else _sample_numbers(t)
     jitter, freedom = _scatter(number, t)
-    return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * max(freedom, 1))))
+    return SamplingClock(
+        number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * max(freedom, 1)))
+    )
 
 
-def _counted(t: np.ndarray) -> np.ndarray:
-    """Return the samples' numbers (N,) for time stamps t (N,) s that are not in bursts."""
+def _sample_numbers(t: np.ndarray) -> np.ndarray:
+    """Return each sample's number (N,), from 0; lost samples are counted, too.
+
+    ``t`` (N,): time stamps in s. They must not come in bursts (`in_bursts`).
+    """
     period = _period(t)
     intervals = np.diff(t) / period
     steps = np.rint(intervals)
@@ -107,12 +115,13 @@ def sampling_times(recording: Recording) -> Recording:
 
     * The recording has at least `HEAD` samples, and none is lost.
     * The time stamps have a jitter above `LATE` periods.
-    * They are in bursts (`in_bursts`), or fit the motion no better than evenly spaced times.
+    * The time stamps are in bursts (`in_bursts`), or fit the motion no better than evenly spaced
+      times.
     """
     r = recording
     if len(r) < HEAD or not (np.diff(r.t) > 0).all():
         return r
-    clock = ticks(r.t)
+    clock = estimate_clock(r.t)
     if not clock.jitter_s > LATE * clock.period_s or clock.lost:
         return r
     even = r.t[0] + clock.period_s * clock.number
@@ -125,15 +134,19 @@ def sampling_times(recording: Recording) -> Recording:
 
 
 def in_bursts(t: np.ndarray) -> bool:
-    """Return True if time stamps t (N,) come in bursts (`BUNCHED`)."""
+    """Return True if the time stamps t (N,) come in bursts: many intervals are far below the mean.
+
+    The constant `BUNCHED` states the limits.
+    """
     intervals = np.diff(t)
     return bool((intervals < BUNCHED * intervals.mean()).mean() > BUNCHED)
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:
-    """Return the samples' numbers (N,) by a phase-locked loop with gains ``alpha``, ``beta``.
+    """Return each sample's number (N,), estimated by a phase-locked loop; lost samples count, too.
 
-    ``period`` (s) is the initial estimate of the sampling period.
+    ``t`` (N,): time stamps in s; ``period``: initial estimate of the sampling period in s;
+    ``alpha``, ``beta``: gains of the phase and of the period.
     """
     # The first stamp may be late itself: the phase is the circular mean of the first ones.
     turn = np.exp(2j * np.pi * (t[:HEAD] - t[0]) / period)

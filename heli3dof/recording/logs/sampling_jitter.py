@@ -45,7 +45,7 @@ range is rounding"""
 
 @dataclass(frozen=True)
 class MotionJitter:
-    """Estimated sampling jitter σ_t (RMS, s), and the standard deviation of its square (s²)."""
+    """Estimated sampling jitter σ_t (RMS, s), and the standard deviation of σ_t² (s²)."""
 
     sigma_s: float
     variance_std_s2: float

@@ -36,11 +36,12 @@ BATCH = 256
 def chunk_indexes(
     stream: BinaryIO, span: tuple[int, int], count: int, rows: RowFormat
 ) -> Iterator[ChunkIndex]:
-    """Yield the index entry of each of the ``count`` chunks in a part of a file.
+    """Yield the index entry of each of the ``count`` chunks in a part of an MCAP file.
 
-    ``span``: byte offsets of the part's start and end; ``rows``: byte format of the chunks' rows.
-    At each yield the stream is at its end, so that the caller can append the entry. Raises OSError
-    if the file does not contain these chunks any more.
+    ``stream``: the open file. ``span``: byte offsets of the part's start and end. ``rows``: byte
+    format of the chunks' rows. Each time the function yields an entry, it leaves the stream's
+    position at the end of the file, so that the caller can append data. Raises OSError if the file
+    no longer contains these chunks.
     """
     at, end = span
     while at < end:

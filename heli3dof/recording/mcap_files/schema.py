@@ -184,11 +184,19 @@ class RowFormat:
         self._fixed_bytes = self.template.view(np.uint8)[self._fixed_at]
 
     def empty(self, n: int) -> np.ndarray:
-        """Return ``n`` rows as a structured array with headers and tags; all values are zero."""
+        """Return ``n`` rows as a structured array in which only the constant bytes are set.
+
+        The constant bytes are opcode, length and channel in the header of each message, and the
+        protobuf tag of each field. All other bytes are zero.
+        """
         return np.repeat(self.template, n)
 
     def parse(self, data: bytes | memoryview) -> np.ndarray | None:
-        """Return the rows in ``data`` as a structured array; None if headers or tags are wrong."""
+        """Return the rows in ``data`` as a structured array; None if ``data`` has another format.
+
+        The format is wrong if ``data`` is not a whole number of rows, or if a constant byte of the
+        message headers and protobuf tags differs.
+        """
         if len(data) % self.stride:
             return None
         raw = np.frombuffer(data, np.uint8).reshape(-1, self.stride)

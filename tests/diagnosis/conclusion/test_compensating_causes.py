@@ -15,11 +15,11 @@ import pytest
 from heli3dof.diagnosis.conclusion import compensating_causes
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
 from heli3dof.diagnosis.conclusion.compensating_causes import (
-    contest,
     insignificant,
     marked_unconfirmed,
     predictions_agree,
     replaced_by_formula,
+    replacement,
     simulations_refute,
 )
 from heli3dof.diagnosis.diagnose import diagnose
@@ -30,7 +30,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import (
-    ProfileLikelihood,
+    LikelihoodWithInertiaPrior,
     corrected_base,
     fit_base,
     implausible_inertias,
@@ -89,7 +89,9 @@ def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     setup = Setup((product("steps", 1304),), seed=0, flights_per_round=6)
     runs = usable_runs(setup.recordings[0], 0)
     structure = Structure(setup.recordings[0].profile, ())
-    base = corrected_base(setup, ProfileLikelihood(data_of(setup.recordings, runs), structure))
+    base = corrected_base(
+        setup, LikelihoodWithInertiaPrior(data_of(setup.recordings, runs), structure)
+    )
     assert not base.is_corrected
     assert implausible_inertias(base)
     assert np.isfinite(base.values).all()
@@ -200,10 +202,10 @@ def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.Monkey
     )
     monkeypatch.setattr(compensating_causes, "with_best_product", lambda less: formula)
     odds = -2 * np.log(3 * len(compensating_causes.PRODUCTS))
-    assert contest(fit, 7.0, causes).margin == pytest.approx(odds)
+    assert replacement(fit, 7.0, causes).margin == pytest.approx(odds)
 
 
-def test_without_causes_there_is_no_contest() -> None:
+def test_without_causes_there_is_nothing_to_replace() -> None:
     assert replaced_by_formula(SETUP, None, (), ()) is None  # type: ignore[arg-type]
 
 

@@ -17,7 +17,7 @@ from heli3dof.diagnosis.result import LIMIT_CYCLE, WITHIN_ROUNDING
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior
 from heli3dof.identification.greybox.estimate import estimate
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
@@ -55,7 +55,7 @@ def test_predictions_must_improve_by_more_than_the_rounding_of_their_encoder(
 
 def fit_of(*implausible: str, simulated: bool) -> Any:
     """A fit with or without simulated flights, and the axes with an implausible base inertia."""
-    problem = ProfileLikelihood(cast(Any, None), cast(Any, None), implausible=implausible)
+    problem = LikelihoodWithInertiaPrior(cast(Any, None), cast(Any, None), implausible=implausible)
     return SimpleNamespace(
         is_corrected=simulated, structure=SimpleNamespace(profile=PROFILE),
         problem=problem,
@@ -99,7 +99,7 @@ def test_a_base_parameter_must_predict_better_than_the_profile_s_value(
 ) -> None:
     url = f"mock:?speed=max&seed=1160&hide={hide}"
     r = flown("rich", 30.0, device=url, seed=1160)
-    problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
+    problem = LikelihoodWithInertiaPrior(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
     fit = CorrectedFit(problem, estimate(problem).optimum)
     found = [OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0, 1.0)]
     left = confirmed(found, fit, held_out(fit, []), [], seed=0)
@@ -108,7 +108,7 @@ def test_a_base_parameter_must_predict_better_than_the_profile_s_value(
 
 def test_an_inertia_that_a_narrow_prior_holds_is_not_determined() -> None:
     r = flown("rich", 12.0, device="mock:?speed=max&seed=1160", seed=1160)
-    problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
+    problem = LikelihoodWithInertiaPrior(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
     fit = CorrectedFit(replace(problem, implausible=("pitch",)), estimate(problem).optimum)
     model = nominal(r.profile)
     fitted = SimpleNamespace(final=fit, model=model, calibration=base_parameters(fit))

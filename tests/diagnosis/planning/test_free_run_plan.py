@@ -93,8 +93,8 @@ def test_a_plan_that_hardly_decides_states_how_often_to_fly_it() -> None:
 def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:
     """u² = θ² (4/σ² − 1/σ²): with θ = σ, u² = 3; no new information gives 0."""
     w = OpenParameter("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
-    assert w.margin(0.05) == pytest.approx(3)
-    assert w.margin(0.1) == 0.0
+    assert w.expected_chi2(0.05) == pytest.approx(3)
+    assert w.expected_chi2(0.1) == 0.0
 
 
 def test_the_link_between_own_values_leaves_their_common_mean_free(open_: UndecidedTerms) -> None:

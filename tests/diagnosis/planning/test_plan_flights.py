@@ -7,7 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.planning.plan_flights import fly_task, inside_envelope, is_stable, task_of
+from heli3dof.diagnosis.planning.plan_flights import (
+    inside_envelope,
+    is_stable,
+    rendered_plan,
+    simulated_plan,
+)
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.experiment.simulate import simulate
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
@@ -30,10 +35,10 @@ def world(scale: float = 1.0) -> GreyBoxModel:
 
 @pytest.mark.parametrize("name", ["doublets", "ring-down"])
 def test_the_fast_simulation_equals_the_simulated_recording(name: str) -> None:
-    task = task_of(load_plan(name), PROFILE, 1270)
-    assert task is not None
-    assert (task.signals.opened is not None) == (name == "ring-down")
-    fast = fly_task(task, world())
+    plan = rendered_plan(load_plan(name), PROFILE, 1270)
+    assert plan is not None
+    assert (plan.signals.opened is not None) == (name == "ring-down")
+    fast = simulated_plan(plan, world())
     slow = simulated_flight(
         world(),
         simulate(load_plan(name), world(), profile=PROFILE, seed=1270),
@@ -44,25 +49,25 @@ def test_the_fast_simulation_equals_the_simulated_recording(name: str) -> None:
     assert np.array_equal(fast.voltage, slow.voltage)
 
 
-def test_a_plan_outside_the_envelope_has_no_task() -> None:
+def test_a_plan_outside_the_envelope_is_not_rendered() -> None:
     low = PROFILE.limits.roll_max_deg
-    assert task_of(step_plan((low - 1, None, None)), PROFILE, 0) is not None
-    assert task_of(step_plan((low + 1, None, None)), PROFILE, 0) is None
+    assert rendered_plan(step_plan((low - 1, None, None)), PROFILE, 0) is not None
+    assert rendered_plan(step_plan((low + 1, None, None)), PROFILE, 0) is None
 
 
 def test_a_flight_that_leaves_the_envelope_is_none() -> None:
     tight = PROFILE.model_copy(
         update={"limits": PROFILE.limits.model_copy(update={"roll_max_deg": 11.0})}
     )
-    task = task_of(step_plan((10.5, None, None), settle_s=5.0, duration_s=5.0), tight, 0)
-    assert task is not None
-    assert fly_task(task, world()) is None  # it overshoots by more than half a degree
+    plan = rendered_plan(step_plan((10.5, None, None), settle_s=5.0, duration_s=5.0), tight, 0)
+    assert plan is not None
+    assert simulated_plan(plan, world()) is None  # it overshoots by more than half a degree
 
 
 def test_one_row_outside_the_envelope_is_detected() -> None:
-    task = task_of(step_plan((5.0, None, None), settle_s=1.0, duration_s=1.0), PROFILE, 0)
-    assert task is not None
-    flight = fly_task(task, world())
+    plan = rendered_plan(step_plan((5.0, None, None), settle_s=1.0, duration_s=1.0), PROFILE, 0)
+    assert plan is not None
+    flight = simulated_plan(plan, world())
     assert flight is not None
     angle = flight.angle.copy()
     angle[77, 1] = np.deg2rad(PROFILE.limits.pitch_max_deg + 0.1)

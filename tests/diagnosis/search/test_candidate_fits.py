@@ -13,7 +13,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit, fit_start, trials
 from heli3dof.diagnosis.search.catalogue import terms_without_score
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
@@ -27,7 +27,9 @@ def base(hide: str, seed: int) -> Estimate:
     """The base model, without backlash, fitted to 30 s."""
     url = f"mock:?speed=max&seed={seed}&hide={hide}"
     r = flown("rich", 30.0, device=url, seed=seed, profile=profile(rate_hz=250.0))
-    return estimate(ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ())))
+    return estimate(
+        LikelihoodWithInertiaPrior(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
+    )
 
 
 def candidates(fitted: Estimate) -> list[str]:

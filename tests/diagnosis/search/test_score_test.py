@@ -9,7 +9,7 @@ from heli3dof.diagnosis.search.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.search.score_test import Screen, with_term
 from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
 from heli3dof.identification.bias_correction.perturbation import backward, forcing, forward
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
@@ -26,7 +26,9 @@ def rich(seed: int, hide: str = "") -> Recording:
 
 def fitted(recording: Recording) -> tuple[Estimate, Evaluation]:
     runs = usable_runs(recording, 0)
-    fit = estimate(ProfileLikelihood(data_of([recording], runs), Structure(recording.profile, ())))
+    fit = estimate(
+        LikelihoodWithInertiaPrior(data_of([recording], runs), Structure(recording.profile, ()))
+    )
     o = fit.optimum
     return fit, evaluate(fit.problem, o.theta, o.noise, with_noise_derivatives=False)
 

@@ -23,7 +23,7 @@ from heli3dof.diagnosis.search.steps import (
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior, fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
@@ -71,7 +71,7 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     device = "mock:?speed=max&seed=1031&hide=encoder.backlash.roll:1.0"
     flight = flown("rich", 20.0, device=device, seed=1031)
     structure = Structure(flight.profile, (backlash,))
-    problem = ProfileLikelihood(data_of([flight], usable_runs(flight, 0)), structure)
+    problem = LikelihoodWithInertiaPrior(data_of([flight], usable_runs(flight, 0)), structure)
     start = problem.structure.scaled(np.array([f.start for f in structure.free[:-1]] + [1.0]))
     fit = maximise_corrected(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
     bias = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020

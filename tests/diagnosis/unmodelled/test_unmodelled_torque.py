@@ -11,7 +11,7 @@ import pytest
 
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.unmodelled import torque_formula
-from heli3dof.diagnosis.unmodelled.residual_torque import Hats, hats, linearised_run, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import Hats, hat_scores, hats, linearised_run
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import (
     PRODUCTS,
@@ -24,9 +24,9 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     TORQUE_FALSE_ALARMS,
     ResidualTorque,
     gumbel_stretch,
+    ranked_with_time_bonus,
     significant_torques,
     split_off_slow_noise,
-    with_time_first,
 )
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
@@ -157,7 +157,7 @@ def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
     groups = ((0, "roll"), (0, "time"), (2, "yaw"), (2, "time"))
     library = cast(Hats, SimpleNamespace(groups=groups))
     x = np.array([40.0, 40.0 - TIE / 2, 100.0, 100.0 - 2 * TIE])
-    assert with_time_first([0, 1, 2, 3], library, x) == [2, 3, 1, 0]
+    assert ranked_with_time_bonus([0, 1, 2, 3], library, x) == [2, 3, 1, 0]
 
 
 def test_the_residual_torque_lies_on_the_hidden_line(
@@ -190,7 +190,7 @@ def test_forward_and_backward_passes_give_the_same_scores(
     path = linearised_run(coupled[1])
     library = hats(path, np.arange(3))
     u = library.scores(path)
-    assert sums_along(library, path, np.zeros((0, len(path.at.row)))).u == pytest.approx(
+    assert hat_scores(library, path, np.zeros((0, len(path.at.row)))).u == pytest.approx(
         u, abs=1e-9 * np.abs(u).max()
     )
 

@@ -32,7 +32,7 @@ from heli3dof.diagnosis.validation.simulation_error import (
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.identification.row_selection import usable_runs
@@ -163,7 +163,7 @@ def test_without_the_only_step_an_inertia_stays_near_its_prior(
     """The rest is a hold, whose score of J_roll has little information; b is its scatter."""
     step = flown(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1213)
     runs = usable_runs(step, 0)
-    problem = ProfileLikelihood(data_of([step], runs), base.problem.structure)
+    problem = LikelihoodWithInertiaPrior(data_of([step], runs), base.problem.structure)
     fit = estimate(problem)
     o = fit.optimum
     at = problem.run(o.theta, o.noise)
@@ -191,7 +191,7 @@ def changed() -> Estimate:
     """Fit of a flight with backlash in roll's encoder and 20 g added at 30 s."""
     hide = "encoder.backlash.roll:0.5,mass.change:0.02@30"
     recording = flown("rich", 50.0, device=f"mock:?speed=max&hide={hide}", seed=1214)
-    problem = ProfileLikelihood(
+    problem = LikelihoodWithInertiaPrior(
         data_of([recording], usable_runs(recording, 0)),
         Structure(recording.profile, terms(["encoder.backlash.roll", "mass.change"])),
     )

@@ -14,7 +14,7 @@ from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias,
 from heli3dof.identification.bias_correction.correction import scatter_of
 from heli3dof.identification.bias_correction.perturbation import path
 from heli3dof.identification.closed_loop_fit.base_fit import (
-    ProfileLikelihood,
+    LikelihoodWithInertiaPrior,
     corrected_base,
     fit_base,
     implausible_inertias,
@@ -58,14 +58,14 @@ def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not()
 def test_the_prior_of_the_inertias_is_the_profile_s_tolerance() -> None:
     recording = steps().between(10.0, 14.0)
     data = data_of([recording], usable_runs(recording, 0))
-    problem = ProfileLikelihood(data, Structure(recording.profile, ()))
+    problem = LikelihoodWithInertiaPrior(data, Structure(recording.profile, ()))
     np.testing.assert_allclose(problem.prior_precision[1:4], 1 / 0.15**2)
 
 
 def test_a_score_bias_moves_the_maximum_by_the_equivalent_step() -> None:
     recording = steps().between(8.0, 24.0)
     data = data_of([recording], usable_runs(recording, 0))
-    problem = ProfileLikelihood(data, Structure(recording.profile, ()))
+    problem = LikelihoodWithInertiaPrior(data, Structure(recording.profile, ()))
     noise = np.array([0.006, 0.013, 0.0025, 0.0])
     plain = maximise_corrected(problem, problem.prior_mean, noise, None, hold_noise=True)
     A = plain.information + np.diag(problem.prior_precision)
@@ -79,7 +79,7 @@ def test_a_score_bias_moves_the_maximum_by_the_equivalent_step() -> None:
 def test_held_parameters_stay_fixed_in_the_search() -> None:
     recording = steps().between(8.0, 20.0)
     data = data_of([recording], usable_runs(recording, 0))
-    problem = ProfileLikelihood(data, Structure(recording.profile, ()))
+    problem = LikelihoodWithInertiaPrior(data, Structure(recording.profile, ()))
     noise = np.array([0.006, 0.013, 0.0025, 0.0])
     start = problem.prior_mean + np.array([0.0, 0.1, 0.1, 0.1])
     hold = np.array([False, True, False, False])
@@ -90,7 +90,7 @@ def test_held_parameters_stay_fixed_in_the_search() -> None:
 
 def test_a_path_has_one_chunk_per_10_ms() -> None:
     recording = steps().between(10.0, 12.0)
-    problem = ProfileLikelihood(
+    problem = LikelihoodWithInertiaPrior(
         data_of([recording], usable_runs(recording, 0)), Structure(recording.profile, ())
     )
     noise = np.array([0.006, 0.013, 0.0025, 0.0])
@@ -114,7 +114,7 @@ def test_a_fit_whose_simulated_flights_diverge_is_not_corrected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     flight = steps(12.0)
-    problem = ProfileLikelihood(
+    problem = LikelihoodWithInertiaPrior(
         data_of([flight], usable_runs(flight, 0)), Structure(flight.profile, ())
     )
     start = (problem.prior_mean, np.array([0.004, 0.012, 0.003, 0.0]))
@@ -141,7 +141,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     device = "mock:?speed=max&start=level&seed=1421&hide=bias.torque.pitch:0.03"
     plan = step_plan((10.0, None, None), settle_s=5.0, duration_s=10.0)
     recording = flown(plan, device=device, profile=profile, seed=1421)
-    problem = ProfileLikelihood(
+    problem = LikelihoodWithInertiaPrior(
         data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
     )
     setup = Setup((recording,), seed=0, flights_per_round=6)
@@ -154,5 +154,5 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     assert "bias.torque.pitch" in names
     result = fit_with_cause(setup, step.fit, step.choice)
     assert not implausible_inertias(result)
-    assert isinstance(result.problem, ProfileLikelihood)
-    assert result.problem.doubt == 1.0
+    assert isinstance(result.problem, LikelihoodWithInertiaPrior)
+    assert result.problem.std_per_tolerance == 1.0

@@ -8,7 +8,7 @@ import pytest
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import NoiseScoreBias
 from heli3dof.identification.bias_correction.evaluation import evaluate
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
@@ -16,16 +16,16 @@ from tests.flown import flown
 
 
 @pytest.fixture(scope="module")
-def problem() -> ProfileLikelihood:
+def problem() -> LikelihoodWithInertiaPrior:
     flight = flown(
         step_plan((10, None, 20), settle_s=4, duration_s=3), device="mock:?speed=max", seed=1203
     )
     data = data_of([flight], usable_runs(flight, 0))
-    return ProfileLikelihood(data, Structure(flight.profile, ()))
+    return LikelihoodWithInertiaPrior(data, Structure(flight.profile, ()))
 
 
 def test_the_slope_along_the_noise_is_a_central_difference_of_the_likelihood(
-    problem: ProfileLikelihood,
+    problem: LikelihoodWithInertiaPrior,
 ) -> None:
     theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
     result = evaluate(problem, theta, noise)
@@ -36,7 +36,7 @@ def test_the_slope_along_the_noise_is_a_central_difference_of_the_likelihood(
 
 
 def test_without_the_noise_an_evaluation_is_the_same_with_a_third_of_the_passes(
-    problem: ProfileLikelihood,
+    problem: LikelihoodWithInertiaPrior,
 ) -> None:
     theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
     whole, part = (

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.identification.bias_correction.scans import Frequencies, as_one_recording
+from heli3dof.identification.bias_correction.scans import Frequencies, equivalent_z2
 from heli3dof.model.effects import term
 
 T, SIZE = np.arange(0.0, 40.0, 0.02), 3.0
@@ -42,7 +42,7 @@ def test_the_second_recording_is_shifted_to_the_phase_of_the_first() -> None:
     """A quarter of a period ahead: sin(2π f t + φ + π/2) = sin(2π f (t + 1/(4 f)) + φ)."""
     z, values, time_shifts = peak(0.8, 0.8 + np.pi / 2)
     assert values == pytest.approx((SIZE, HZ, 0.8), rel=0.01, abs=0.02)
-    assert z == pytest.approx(np.sqrt(as_one_recording(2 * SIZE**2 * V, 2)), rel=0.01)
+    assert z == pytest.approx(np.sqrt(equivalent_z2(2 * SIZE**2 * V, 2)), rel=0.01)
     assert time_shifts == pytest.approx((0.0, 1 / (4 * HZ)), abs=0.01)
 
 

@@ -14,7 +14,7 @@ from heli3dof.identification.bias_correction import correction
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import (
     TIGHT_PRIOR,
-    ProfileLikelihood,
+    LikelihoodWithInertiaPrior,
     fit_base,
     implausible_inertias,
     start_scales,
@@ -34,7 +34,7 @@ from tests.paths import ROOT
 @cache
 def fitted() -> Estimate:
     recording = load(ROOT / "recordings" / "step-roll-10.mcap").between(6.0, 16.0)
-    problem = ProfileLikelihood(
+    problem = LikelihoodWithInertiaPrior(
         data_of([recording], usable_runs(recording, 0)), Structure(recording.profile, ())
     )
     return estimate(problem)
@@ -75,7 +75,7 @@ def test_an_implausible_inertia_gets_a_narrow_prior_at_the_thrust_gain_of_the_ot
     priors = []
 
     def fit(problem: object) -> CorrectedFit:
-        assert isinstance(problem, ProfileLikelihood)
+        assert isinstance(problem, LikelihoodWithInertiaPrior)
         priors.append(problem)
         return with_ratios(0.7, 0.2, 0.7, 0.7)
 

@@ -10,7 +10,7 @@ import pytest
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import model_at
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
+from heli3dof.identification.closed_loop_fit.base_fit import LikelihoodWithInertiaPrior, fit_base
 from heli3dof.identification.closed_loop_fit.limit_cycle import (
     cycling_shares,
     matched_noise,
@@ -49,11 +49,11 @@ def test_a_count_that_changes_to_and_fro_is_a_limit_cycle(period: int, share: fl
     assert cycling_shares(data)[1:].max() == 0.0  # a steady motion is no limit cycle
 
 
-def plant_2(name: str) -> tuple[Recording, ProfileLikelihood]:
+def plant_2(name: str) -> tuple[Recording, LikelihoodWithInertiaPrior]:
     folder = PLANT_2 / name
     recording = load(folder / "rec.csv.gz", load_profile(folder / "profile.toml"))
     data = data_of([recording], usable_runs(recording, 0))
-    return recording, ProfileLikelihood(data, Structure(recording.profile, ()))
+    return recording, LikelihoodWithInertiaPrior(data, Structure(recording.profile, ()))
 
 
 @needs_real_data

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from heli3dof.recording.logs.log_validation import timing
-from heli3dof.recording.logs.sampling_clock import sampling_times, ticks
+from heli3dof.recording.logs.sampling_clock import estimate_clock, sampling_times
 from heli3dof.recording.recording import Recording, recording_of_arrays
 from tests.recording.logs.test_sampling_jitter import STEP, motion
 from tests.recording.make import open_profile
@@ -56,7 +56,7 @@ def test_a_timer_of_an_ordinary_computer_is_taken_as_it_is() -> None:
 
 
 def test_bursts_are_counted_as_samples_that_follow_each_other() -> None:
-    clock = ticks(arrivals(DT * np.arange(1000), 5))
+    clock = estimate_clock(arrivals(DT * np.arange(1000), 5))
     assert clock.period_s == pytest.approx(DT, rel=1e-4)
     assert clock.lost == 0
 
@@ -65,7 +65,7 @@ def test_a_sample_that_is_later_than_the_next_one_was_due_is_not_lost() -> None:
     rng = np.random.default_rng(6)
     k = np.delete(np.arange(2000), [500, 501, 1200])
     late = np.where(rng.random(len(k)) < 0.05, 0.7, 0.0)
-    missing = ticks(DT * (k + late)).missing
+    missing = estimate_clock(DT * (k + late)).missing
     assert np.flatnonzero(missing).tolist() == [499, 1197]
     assert missing.sum() == 3
 

@@ -85,11 +85,11 @@ def read(
             warnings.append(f"The last line ({numbers[-1]}) is incomplete and was ignored.")
             body, numbers = body[:-1], numbers[:-1]
 
-    values = _fast(body, separator, names)
+    values = _parse_table(body, separator, names)
     if values is None:
         rows = [_cells(line, separator) for line in body]
         rows, numbers = _complete(path, rows, numbers, separator, names, warnings)
-        values = _exact(path, rows, numbers, names, warnings, notes)
+        values = _parse_cells(path, rows, numbers, names, warnings, notes)
     return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings, notes=notes)
 
 
@@ -136,10 +136,10 @@ def _two_bytes(data: bytes) -> str | None:
 
 
 def _header_line(lines: list[str]) -> int:
-    """Return the index of the header, the first line with as many cells as the numbers below it.
+    """Return the index of the header line; titles above the header are skipped.
 
-    The numbers are the first line that contains mostly numbers. Titles above the header are thus
-    skipped. Returns 0 if no line above the numbers has as many cells.
+    The first line of data is the first line in which most cells are numbers. The header is the
+    first line above it with the same number of cells. Without such a line the result is 0.
     """
     for i, line in enumerate(lines):
         separator = _separator(line)
@@ -207,7 +207,7 @@ def _cells(line: str, separator: str) -> list[str]:
     return next(csv.reader([line], delimiter=separator), [])
 
 
-def _fast(body: list[str], separator: str, names: list[str]) -> dict[str, np.ndarray] | None:
+def _parse_table(body: list[str], separator: str, names: list[str]) -> dict[str, np.ndarray] | None:
     if not body:
         return {name: np.empty(0) for name in names}
     try:
@@ -236,9 +236,9 @@ def _complete(
 ) -> tuple[list[list[str]], list[int]]:  # fmt: skip
     """Return the rows that have a cell for each of the ``names``, and their line numbers.
 
-    ``rows``: the cells of each line; ``numbers``: the lines' numbers. The other rows are lost
-    samples, which a text in ``warnings`` counts. Raises RecordingError if their share exceeds
-    `LOST_LINES`.
+    ``rows``: the cells of each line; ``numbers``: the lines' numbers. The other rows count as lost
+    samples; the function appends a text with their number to ``warnings``. Raises RecordingError if
+    their share exceeds `LOST_LINES`.
     """
     wrong = [k for k, row in enumerate(rows) if len(row) != len(names)]
     if not wrong:
@@ -254,16 +254,20 @@ def _complete(
     return [rows[k] for k in kept], [numbers[k] for k in kept]
 
 
-def _exact(
+def _parse_cells(
     path: Path, rows: list[list[str]], numbers: list[int], names: list[str], warnings: list[str],
     notes: list[str],
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Return the log's columns, parsed cell by cell. An empty cell becomes NaN.
 
-    Dates with times become seconds from the first one, which a text in ``notes`` states. Text in a
-    column with an unknown name removes that column with a warning. Text in another column raises
-    RecordingError. ``rows``: the cells of each line; ``numbers``: the lines' numbers. Warnings are
-    appended to ``warnings``.
+    ``rows``: the cells of each line; ``numbers``: the lines' numbers; ``names``: the columns'
+    names. A column may contain cells that are no numbers:
+
+    * A column of dates with times becomes seconds since its first date. The function appends a text
+      about this to ``notes``.
+    * A column with other text is left out if heli3dof does not use a column of this name. The
+      function appends a text about this to ``warnings``.
+    * Text in a column that heli3dof uses raises RecordingError.
     """
     columns: dict[str, np.ndarray] = {}
     for i, name in enumerate(names):

@@ -1,8 +1,9 @@
 """Importer of other programs' MCAP files with the columns of docs/reference/recording.md.
 
-JSON and protobuf messages are decoded; their numeric fields are the columns. Each message of the
-first topic with both voltages is a sample. The columns of another topic are added if its log times
-equal those of this topic; nothing is resampled.
+The importer decodes JSON and protobuf messages; their numeric fields are the columns. The samples
+are the messages of one topic: the first topic whose messages contain both motor voltages. Columns
+of another topic are added only if all its log times are equal to those of the first topic. Nothing
+is resampled.
 """
 
 from __future__ import annotations

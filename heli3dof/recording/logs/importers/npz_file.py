@@ -1,4 +1,4 @@
-"""Importer of NumPy logs (``.npz``): its arrays have the names of a MAT file's (`mat_file`)."""
+"""Importer of NumPy logs (``.npz``), which reads their arrays like the variables of a MAT file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from heli3dof.rig.profile import Profile
 def read(
     path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> Table:
-    """Return the columns of a NumPy log; ``columns`` is that of `mat_file.read`."""
+    """Return the columns of a NumPy log; ``columns`` has the same meaning as in `mat_file.read`."""
     with np.load(path) as arrays:
         return table_of(path, dict(arrays), columns)
 

@@ -3,14 +3,14 @@
 ====================================  ==========================================================
 variable                              signals
 ====================================  ==========================================================
-matrix whose first row (or column)    ``x[1]``, ``x[2]``, …: its other rows (or columns); the
-is time (block "To File")             first row (or column) is their clock
-matrix without time                   ``x[1]``, ``x[2]``, …: all rows (or columns)
-structure with ``time`` and           named by their labels, else numbered as in a matrix; their
-``signals.values``                    clock is ``time``
-structure with ``Time`` and ``Data``  numbered as in a matrix; their clock is ``Time``
-vector                                one, named like the vector; its clock is the vector
-                                      ``t_s``, ``time``, …
+matrix whose first row (or column)    its other rows (or columns), called ``x[1]``, ``x[2]``, …;
+is time (block "To File")             the first row (or column) is their clock
+matrix without time                   all its rows (or columns), called ``x[1]``, ``x[2]``, …
+structure with ``time`` and           ``signals.values``, with the names in ``signals.label``, or
+``signals.values``                    else as in a matrix; their clock is ``time``
+structure with ``Time`` and ``Data``  ``Data``, with names as in a matrix; the clock is ``Time``
+vector                                one signal with the name of the vector; its clock is another
+                                      vector, called ``t_s``, ``time`` or similar (`clock_of`)
 other structure                       the signals of its fields
 array of structures                   the signals of its elements ``x[1]``, ``x[2]``, …
 ====================================  ==========================================================
@@ -41,16 +41,22 @@ LONGEST_TEXT = 60
 
 @dataclass
 class _Found:
-    """Signals of a file with their clocks (``clocked``), other arrays, and ignored variables."""
+    """What a MAT file contains: signals with a clock, other arrays, and ignored variables."""
 
     clocked: list[tuple[np.ndarray, dict[str, np.ndarray]]] = field(default_factory=list)
+    """(clock, {name: signal}) of each structure with time; the clock is a time vector in s"""
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
+    """Names of the ignored variables, each with the reason"""
     paths: dict[str, str] = field(default_factory=dict)
     """Name of an array or timed structure → its full path, such as ``flight.angle.roll``"""
 
-    def columns_of_paths(self, columns: Iterable[str]) -> dict[str, str]:
-        """Return {full path: column}, for a matrix's row such as {``flight.x[1]``: ``x[1]``}."""
+    def columns_by_path(self, columns: Iterable[str]) -> dict[str, str]:
+        """Return {full path in the file: column} for those of the ``columns`` that have a path.
+
+        For example, row 1 of the matrix ``x`` in the structure ``flight`` is the column ``x[1]``.
+        Its full path is ``flight.x[1]``.
+        """
         names = {c: c if c in self.paths else c.rpartition("[")[0] for c in columns}
         return {self.paths[n] + c[len(n) :]: c for c, n in names.items() if n in self.paths}
 
@@ -74,7 +80,7 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
             columns,
             lambda k: f"sample {k + 1}",
             ignored=[] if i else found.ignored,
-            paths=found.columns_of_paths(columns),
+            paths=found.columns_by_path(columns),
         )
         for i, columns in enumerate(groups)
     ]
