@@ -186,8 +186,8 @@ def variable_of(product: str) -> str:
     """Return the variable on which a torque proportional to ``product`` is reported to depend.
 
     The result is a key of `residual_torque.UNITS`. These keys have no sine, cosine or absolute
-    value, so these functions are removed from the product. If the remaining product is a key, it is the result;
-    otherwise the result is its first factor. The product of both voltages has the key
+    value, so these functions are removed from the product. If the remaining product is a key, it is
+    the result; otherwise the result is its first factor. The product of both voltages has the key
     ``voltage_product``.
 
     >>> variable_of("voltage_front*voltage_back"), variable_of("abs(yaw_rate)*yaw_rate")

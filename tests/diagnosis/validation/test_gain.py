@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.validation import simulation_error as validation
 from heli3dof.diagnosis.validation.cross_validation import (
     BACKLASH_SETTLE_S,
     PURGE_S,
@@ -306,6 +307,7 @@ def test_a_model_that_cannot_be_simulated_gets_its_noise_floor_from_the_covarian
         "heli3dof.diagnosis.validation.simulation_error.simulated_flight",
         lambda model, r, rng: r.between(0.0, 0.2),
     )
+    monkeypatch.setattr(validation, "coloured_variance", lambda *args: 0.0)
     floor, how = noise_floor_deg(model, [recording])
     assert how == "the filter's covariance"
     assert floor == pytest.approx(covariance_floor_deg(model, [recording]))
