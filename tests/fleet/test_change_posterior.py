@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import doctest
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from scipy.stats import invgamma
 
+from heli3dof.fleet import change_posterior as change_posterior_module
 from heli3dof.fleet.change_posterior import (
     KINDS,
     SINGLE,
@@ -230,3 +232,7 @@ def test_intervals_of_the_size_hold_the_truth_in_95_of_100(drawn) -> None:
     off = [(p.size[kind][m] - size) / p.size_std[kind][m] for kind, m, size, p in clear]
     error = 3 * np.sqrt(0.95 * 0.05 / len(off))
     assert np.mean(np.abs(off) < 1.96) == pytest.approx(0.95, abs=error + 0.01)
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(change_posterior_module).failed == 0

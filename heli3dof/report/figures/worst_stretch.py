@@ -43,7 +43,13 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis with the largest ratio; None if all E are undefined."""
+    """Return the stretch and axis on which the model without the causes is worst.
+
+    ``before``: prediction errors of the refitted model without the causes; ``after``: with them.
+    The stretch has the largest ratio of two RMSEs. The numerator is the RMSE without the causes in
+    this stretch. The denominator is the median over all stretches of the RMSE with the causes, on
+    the same axis. The result is None if no ratio is defined.
+    """
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )

@@ -71,8 +71,9 @@ def _by_axis(fits: np.ndarray) -> str:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds, and without the effects whose size, their first parameter, is within
-    two standard deviations of the value that means "no effect". A note names these effects.
+    ``brief`` leaves out the bounds and the effects that are not significant. An effect is not
+    significant if its first parameter is within two standard deviations of the value that means "no
+    effect". A note names the effects left out.
     """
     parameters = found.found.parameters
     sizes = {_short(name): p for name, p in reversed(list(parameters.items()))}  # first parameters
