@@ -121,7 +121,7 @@ NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 
 
 def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics of a recording by axis name.
+    """Return {axis: step metrics of the measured angle} of a recording.
 
     The ramp of the voltages to zero at the end of the flight is left out.
     """
@@ -295,7 +295,11 @@ def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
 
 
 def _settling(t: FloatArray, outside: BoolArray) -> float:
-    """Return the time (s) after ``t[0]`` from which no row is ``outside``; NaN if the last is."""
+    """Return the time (s) after ``t[0]`` from which no row is ``outside``.
+
+    It is NaN if the last row is outside. ``outside`` (N,): True where the angle is outside the
+    settling band.
+    """
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

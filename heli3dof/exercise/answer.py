@@ -197,7 +197,7 @@ def _finding(finding: Mapping[str, Any]) -> Claim:
 
 
 def _size(value: float, half: float | None) -> Size:
-    """Return a claimed value with its 95 % interval, ``value`` ± ``half``; None: no interval."""
+    """Return a claimed value with its 95 % interval ``value`` ± ``half``; no interval if None."""
     if half is None:
         return Size(value=value)
     return Size(value=value, low=value - half, high=value + half)
@@ -211,8 +211,8 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
     NAME is an effect, VALUE the value of its first parameter, VALUE ± HALF the 95 % interval.
     ``confidence`` has one value for each text, one value for all, or none. Raises UsageError for an
-    unknown name, a text of another form, or a wrong confidence or number of them. It also raises
-    UsageError for contradictory texts: two of the same name, or `NONE` with others.
+    unknown name, a text of another form, a wrong confidence, or a wrong number of confidences. It
+    also raises UsageError for contradictory texts: two of the same name, or `NONE` with others.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(

@@ -261,9 +261,10 @@ def fit_table(comparison: Comparison) -> Grid:
 
 
 def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]:
-    """Return one recording's tables: step metrics, if replayed, and predictions.
+    """Return one recording's tables: step metrics and prediction errors.
 
-    ``paper``: also a table like Table II of the paper, if replayed.
+    The step metrics are left out if the closed loop was not simulated (replayed). ``paper`` adds a
+    table like Table II of the paper, which is left out in the same case.
     """
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight) if paper else None, prediction_table(flight))

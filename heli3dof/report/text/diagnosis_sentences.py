@@ -142,7 +142,7 @@ def noisy_axes(document: Document) -> list[str]:
 def rmse_before_and_after(*gains: Document) -> str:
     """Return as text how successive changes of the model change the held-out RMSE of each axis.
 
-    ``gains``: a JSON object for each change, which has the RMSE (°) before and after this change.
+    ``gains``: for each change, its JSON object ``gain`` with the RMSE (°) before and after it.
 
     >>> rmse = {"before": {"roll": 2.31, "pitch": 1.2}, "after": {"roll": 0.4, "pitch": 1.1}}
     >>> rmse_before_and_after({"holdout_rmse_deg": rmse})

@@ -111,8 +111,8 @@ def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
 def transfer_functions_table(found: Identification, *, only_direct: bool = False) -> Grid:
     """Return a table of the factored transfer functions in °/V, rows by output and input.
 
-    ``only_direct``: only from the sum of the voltages to roll, and from the difference to pitch and
-    yaw; a note states whether the others are zero.
+    ``only_direct``: the table has only the transfer functions from the sum of the voltages to roll,
+    and from their difference to pitch and yaw. A note states whether the others are zero.
     """
     title = "Transfer functions, °/V, coefficients ± standard deviation"
     if found.found.transfer is None:
