@@ -89,10 +89,11 @@ def _resolved(time_s: float | None) -> float | None:
 
 
 def _serial(made: Mapping[str, Any]) -> str | None:
-    """Return the serial number in a recording's provenance ``made``, if it identifies a rig.
+    """Return the serial number in a recording's provenance ``made``; None if it identifies no rig.
 
-    The serial number of an emulated rig contains its seed. This is another rig only if the seed
-    draws the rig's parameters (option ``spread``) or an exercise defines them.
+    The serial number of an emulated rig contains the seed of its random numbers. With the URL
+    option ``spread`` or ``exercise``, different serial numbers mean different rig parameters.
+    Otherwise only the noise differs, so the number identifies no rig.
     """
     identity, device = made.get("identity"), str(made.get("device", ""))
     is_emulated = device.startswith("mock:")

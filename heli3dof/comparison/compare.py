@@ -96,7 +96,7 @@ def compare_flight(
     in_flight = rows_in_flight(flown)
 
     def scored(horizon_s: float) -> np.ndarray:
-        """Return (N,) bool: rows in flight, as are all rows in the ``horizon_s`` s before them."""
+        """Return (N,) bool: True if a row and all rows ``horizon_s`` s before it are in flight."""
         return rows_within(in_flight, max(1, round(horizon_s / flown.dt)))
 
     fits = tuple(h for h in horizons_s if scored(h).any())
@@ -193,7 +193,10 @@ def _divergence(replayed: Replay) -> list[str]:
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return ``work()``; after a `Heli3dofError` None, with the error's text in ``reasons``."""
+    """Return the result of ``work()``.
+
+    If ``work()`` raises a `Heli3dofError`, append the error's text to ``reasons`` and return None.
+    """
     try:
         return work()
     except Heli3dofError as error:

@@ -101,10 +101,12 @@ class StepMetrics:
 
 @dataclass(frozen=True)
 class AxisMetrics:
-    """Step metrics of one axis: of the reported segment (see the module), and of every segment."""
+    """Step metrics of one axis."""
 
     reported: StepMetrics
+    """Metrics of the segment that tables show: the first step, if the reference has one"""
     steps: tuple[StepMetrics, ...]
+    """Metrics of every segment of the reference"""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 
 
 def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics of a recording by axis name.
+    """Return {axis: step metrics of the measured angle} of a recording.
 
     The ramp of the voltages to zero at the end of the flight is left out.
     """
@@ -128,10 +130,11 @@ def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
 
 
 def metrics_in_flight(flown: Recording, angle: FloatArray) -> Mapping[str, AxisMetrics]:
-    """Return, by axis, the step metrics of ``angle`` (N, 3) rad for the references in ``flown``.
+    """Return {axis: step metrics} of ``angle`` (N, 3) rad, for the references in ``flown``.
 
-    ``angle`` is measured or simulated at the times of ``flown``, a recording under closed-loop
-    control. Its take-off is that of the recording.
+    ``flown`` is a recording under closed-loop control. ``angle`` contains measured or simulated
+    angles at the times of ``flown``. The end of the take-off is found in the angles of ``flown``,
+    even if ``angle`` is simulated.
     """
     since_s = -np.inf
     if len(flown) > 1:
@@ -149,7 +152,7 @@ def step_metrics(
     resolution: FloatArray | None = None,
     since_s: float = -np.inf,
 ) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics of measured or simulated angles by axis.
+    """Return {axis: step metrics} of measured or simulated angles.
 
     ``t`` (N,) in s; ``angle`` (N, 3) in rad; ``reference`` (N, 3) in rad, before the rate limiter,
     NaN where there is none. ``resolution`` (3,) rad, the angle of one encoder count, is the least
@@ -176,17 +179,20 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    If the reported segment is of the kind ``hold`` or ``moving``, its metrics use only the rows
-    from the time ``since_s`` (s) on. ``resolution`` (rad): as in `step_metrics`.
+    A segment is a stretch of the reference, for example from one step to the next. The result has
+    the metrics of every segment, and separately those of one reported segment. This is the first
+    step, or else the approach from the initial angle to the first set value. If the reference has
+    neither, the reported metrics leave out the rows before the time ``since_s`` (s).
+    ``resolution`` (rad): the least half-width of the settling band.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
 
-    def since(s: _Segment) -> _Segment:
-        """Return the part of a segment from the time ``since_s`` on; all of it if that is empty."""
+    def without_early_rows(s: _Segment) -> _Segment:
+        """Return a segment without its rows before ``since_s``, unless all rows are earlier."""
         first = max(s.rows.start, int(np.searchsorted(t, since_s)))
         return replace(s, rows=slice(first, s.rows.stop)) if first < s.rows.stop else s
 
-    segments = [since(s) if s.kind == "moving" else s for s in _segments(t, y, ref)]
+    segments = [without_early_rows(s) if s.kind == "moving" else s for s in _segments(t, y, ref)]
     steps = tuple(_measure(t, y, ref, s, np.degrees(resolution)) for s in segments)
     for kind in ("step", "start"):
         for step in steps:
@@ -194,7 +200,7 @@ def axis_metrics(
                 return AxisMetrics(step, steps)
     if not segments:
         return AxisMetrics(NOTHING, steps)
-    return AxisMetrics(_measure(t, y, ref, since(segments[0]), 0.0), steps)
+    return AxisMetrics(_measure(t, y, ref, without_early_rows(segments[0]), 0.0), steps)
 
 
 def _changes(reference: FloatArray) -> IndexArray:
@@ -289,7 +295,11 @@ def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
 
 
 def _settling(t: FloatArray, outside: BoolArray) -> float:
-    """Return the time (s) after ``t[0]`` from which no row is ``outside``; NaN if the last is."""
+    """Return the time (s) after ``t[0]`` from which no row is ``outside``.
+
+    It is NaN if the last row is outside. ``outside`` (N,): True where the angle is outside the
+    settling band.
+    """
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

@@ -83,7 +83,10 @@ class FlightComparison:
         return {**models, CONSTANT_ANGLES: self.constant_angles}
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
-        """Return the model's six step metrics on ``axis`` minus the measured; NaN: undefined."""
+        """Return the model's six step metrics on ``axis``, minus those of the measured angle.
+
+        A difference is NaN if the metric is undefined for the model or for the measured angle.
+        """
         if model.metrics is None:
             return dict.fromkeys(METRICS, np.nan)
         ours = model.metrics[axis].reported.values()

@@ -37,35 +37,40 @@ def verdict(comparison: Comparison) -> tuple[str, ...]:
     ahead = {h: prediction_errors(comparison, h) for h in comparison.horizons_s}
     sentences = []
     if horizon in ahead:
-        sentences += _best(ahead[horizon], f"predictions {horizon:g} s ahead")
+        sentences.append(_best_models(ahead[horizon], f"predictions {horizon:g} s ahead"))
         sentences += _against_constant_angles(ahead, horizon)
     identified = any(f.flown.identified_controller is not None for f in comparison.flights)
     which = ", controller identified from the log" if identified else ""
-    sentences += _best(replay_errors(comparison), f"closed-loop replay{which}")
-    return tuple(sentences) or ("No model could be compared; the warnings state why.",)
+    sentences.append(_best_models(replay_errors(comparison), f"closed-loop replay{which}"))
+    known = tuple(s for s in sentences if s)
+    return known or ("No model could be compared; the warnings state why.",)
 
 
 def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, FloatArray]:
-    """Return model → RMSE (3,) in degrees of predictions ``horizon_s`` s ahead.
+    """Return {model: RMSE (3,) in degrees of its predictions ``horizon_s`` s ahead}.
 
-    The baseline `CONSTANT_ANGLES` is among the models.
+    One of the models is the baseline `CONSTANT_ANGLES`, which predicts that the angles stay
+    constant.
     """
-    return _pooled([
+    return _rms_over_flights([
         {n: None if p is None else p.ahead_deg.get(horizon_s) for n, p in f.predictions.items()}
         for f in comparison.flights
     ])  # fmt: skip
 
 
 def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
-    """Return model → RMSE (3,) in degrees of the closed-loop replay."""
-    return _pooled([{m.name: m.replay_rmse_deg for m in f.models} for f in comparison.flights])
+    """Return {model: RMSE (3,) in degrees of its closed-loop simulation (replay)}."""
+    return _rms_over_flights(
+        [{m.name: m.replay_rmse_deg for m in f.models} for f in comparison.flights]
+    )
 
 
-def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
-    """Return model → RMS (3,) over the flights of the model's errors.
+def _rms_over_flights(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
+    """Return {model: root mean square (3,) over the flights, of the model's errors}.
 
-    ``table``: for each flight, model → error (3,), or None if unknown. If there are flights for
-    which the errors of all models are known, only these are used.
+    ``table`` has, for each flight, {model: its error (3,)}; an unknown error is None. A model is
+    left out if all its errors are unknown. A flight is left out if the error of any other model is
+    unknown, unless no flight would remain.
     """
     usable = {name for row in table for name, e in row.items() if e is not None}
     common = [r for r in table if all(r.get(name) is not None for name in usable)] or table
@@ -77,10 +82,12 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
     return pooled
 
 
-def _best(errors: Errors, what: str) -> list[str]:
-    """Return one sentence in a list: each axis's best model, its error and another model's error.
+def _best_models(errors: Errors, what: str) -> str:
+    """Return a sentence that names the best model on each axis; "" if no error is known.
 
-    The list is empty if no error is known. ``what`` describes the ``errors``, for example
+    The sentence also gives the smallest error on the axis, and another model's error to compare it
+    with. The other model is "hover", the paper's model, or else the second-best model. If there is
+    only one model, the sentence gives its errors. ``what`` describes the ``errors``, for example
     "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != CONSTANT_ANGLES}
@@ -91,28 +98,29 @@ def _best(errors: Errors, what: str) -> list[str]:
             continue
         best = tuple(name for name, e in known.items() if e <= EQUAL * min(known.values()))
         others = [name for name in known if name not in best]
-        # Compare with the paper's model, or if it was not compared, with the next best one.
         other = "hover" if "hover" in others else min(others, key=lambda n: known[n], default="")
         against = f", {other} {_degrees(known[other])}" if other else ""
         smallest = _degrees(min(known.values()))
         size = smallest if len(models) == 1 else f"({smallest}{against})"
         groups.setdefault(best, []).append(f"{axis} {size}")
-    if len(models) == 1:
-        return [f"RMSE of {what}, {name}: {', '.join(g)}." for (name,), g in groups.items()]
     if not groups:
-        return []
+        return ""
+    if len(models) == 1:
+        ((name,), sizes) = next(iter(groups.items()))
+        return f"RMSE of {what}, {name}: {', '.join(sizes)}."
     parts = [
         f"{_listed(best)} {'is' if len(best) == 1 else 'are'} best on {', '.join(axes)}"
         for best, axes in groups.items()
     ]
-    return [f"RMSE of {what}: {'; '.join(parts)}."]
+    return f"RMSE of {what}: {'; '.join(parts)}."
 
 
 def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) -> list[str]:
     """Return sentences that name the models whose predictions are worse than constant angles.
 
-    One sentence names the models and axes at the horizon ``horizon_s`` (s). Another one names the
-    axes and horizons at which all models are worse. ``ahead``: horizon (s) → errors by model.
+    The first sentence names these models and the axes, at the horizon ``horizon_s`` (s). The second
+    one names the axes and horizons at which all models are worse. ``ahead``: {horizon (s): {model:
+    its errors}}.
     """
     models = [n for n in ahead[horizon_s] if n != CONSTANT_ANGLES]
     if CONSTANT_ANGLES not in ahead[horizon_s] or not models:

@@ -197,6 +197,7 @@ def _finding(finding: Mapping[str, Any]) -> Claim:
 
 
 def _size(value: float, half: float | None) -> Size:
+    """Return a claimed value with its 95 % interval ``value`` ± ``half``; no interval if None."""
     if half is None:
         return Size(value=value)
     return Size(value=value, low=value - half, high=value + half)
@@ -210,8 +211,8 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
     NAME is an effect, VALUE the value of its first parameter, VALUE ± HALF the 95 % interval.
     ``confidence`` has one value for each text, one value for all, or none. Raises UsageError for an
-    unknown name, a text of another form, or a wrong confidence or number of them. It also raises
-    UsageError for contradictory texts: two of the same name, or `NONE` with others.
+    unknown name, a text of another form, a wrong confidence, or a wrong number of confidences. It
+    also raises UsageError for contradictory texts: two of the same name, or `NONE` with others.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(
@@ -253,7 +254,7 @@ def _statement(text: str, confidence: float | None) -> Claim:
         name, value, half = match[1].strip(), match[2], match[3]
         if half is not None and float(half) < 0:
             raise ValueError
-        sizes = _sizes(name, value, half)
+        sizes = _claimed_sizes(name, value, half)
         return Claim(name=name, confidence=confidence, parameters=sizes)
     except ValueError as error:
         raise UsageError(
@@ -263,11 +264,12 @@ def _statement(text: str, confidence: float | None) -> Claim:
         ) from error
 
 
-def _sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
-    """Return {parameter: claimed size} of the effect ``name``; empty if ``value`` is None.
+def _claimed_sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
+    """Return {first parameter of the effect ``name``: its claimed size}; {} without a ``value``.
 
-    Raises UsageError for an unknown name, and for a value of a claim without parameters (`NONE`,
-    `UNMODELLED`). Raises ValueError if ``value`` or ``half`` is not a number.
+    ``value``: the claimed value as text. ``half``: half the width of its 95 % interval as text.
+    Raises UsageError if the name is unknown. Raises UsageError if there is a value, but the claim
+    has no parameter (`NONE`, `UNMODELLED`). Raises ValueError if a text is not a number.
     """
     if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
         if value is not None:

@@ -93,10 +93,12 @@ _ALONE = "motor.thrust_gain"
 
 @dataclass(frozen=True)
 class Cause:
-    """A hidden effect: its name with the axis, and parameter (such as ``torque_Nm``) → value."""
+    """A hidden effect of the emulated rig."""
 
     name: str
+    """Name of the effect with its axis, such as ``friction.coulomb.yaw``"""
     values: Mapping[str, float]
+    """{parameter, such as ``torque_Nm``: its value}"""
 
     @property
     def text(self) -> str:

@@ -128,7 +128,10 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the marks as a dict of JSON types; without marks, with None and empty lists."""
+        """Return the answer's marks (its grading) as a dict of JSON types.
+
+        If the answer could not be marked, the dict has None and empty lists for the marks.
+        """
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,

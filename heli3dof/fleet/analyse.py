@@ -12,17 +12,17 @@ from heli3dof.errors import RecordingError, quoted
 from heli3dof.fleet.change_search import find_changes, track_prior
 from heli3dof.fleet.random_effects import random_effects
 from heli3dof.fleet.result import Fleet, FleetQuantity, RigQuantity
-from heli3dof.fleet.sibling_scale import sibling_scale
 from heli3dof.fleet.siblings import differing_rigs, fleet_estimate
 from heli3dof.fleet.tracks import (
     Row,
     Track,
     main_plan,
-    named_by_serial,
     quantities_of,
     tracks_of,
     usable_and_bad,
+    with_distinct_rig_names,
 )
+from heli3dof.fleet.variance_prior import variance_prior
 
 
 def analyse(rows: Sequence[Row]) -> Fleet:
@@ -31,7 +31,7 @@ def analyse(rows: Sequence[Row]) -> Fleet:
     `heli3dof.fleet.tracks.read_rows` reads the ``rows`` from a batch's results table. Raises
     RecordingError if no row has a usable estimate.
     """
-    usable, bad = usable_and_bad(named_by_serial(rows))
+    usable, bad = usable_and_bad(with_distinct_rig_names(rows))
     names = quantities_of(usable)
     if not set(names) - set(COLUMNS):
         raise RecordingError(
@@ -51,7 +51,7 @@ def analyse(rows: Sequence[Row]) -> Fleet:
 
 
 def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) -> FleetQuantity:
-    rigs = [_rig(t, [o for o in tracks if o is not t], quantities, plan) for t in tracks]
+    rigs = [_rig_quantity(t, [o for o in tracks if o is not t], quantities, plan) for t in tracks]
     estimates = {r.track.rig: r.estimate for r in rigs if r.plan == plan}
     differing = {d.rig: d for d in differing_rigs(estimates, quantities)}
     return FleetQuantity(
@@ -61,15 +61,18 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
     )
 
 
-def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
-    """Return the changes of one quantity of one rig, and its estimate since the last step.
+def _rig_quantity(
+    track: Track, siblings: Sequence[Track], quantities: int, plan: str
+) -> RigQuantity:
+    """Return the changes of one quantity of one rig over time, and the quantity's present estimate.
 
-    ``siblings``: the quantity's values of the other rigs; ``quantities``: number of quantities. The
-    estimate uses the flights of ``plan`` since the last step. If there are none, it uses those of
-    the plan that is most frequent among the flights since the last step.
+    ``track``: the quantity's values in the flights of this rig. ``siblings``: those of the other
+    rigs. ``quantities``: number of quantities, by which the prior probability of a change is
+    divided. The estimate leaves out deviating flights and all flights before the quantity's last
+    step. Of the rest, it uses the flights of ``plan``, or else those of the most frequent plan.
     """
     changes = find_changes(
-        track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)
+        track.t, track.y, track.s, track_prior(quantities), track.plans, variance_prior(siblings)
     )
     start = max((c.first for c in changes if c.kind == "step"), default=0)
     deviating = [c.first for c in changes if c.kind == "deviating"]

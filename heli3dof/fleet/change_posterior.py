@@ -19,8 +19,8 @@ step fits badly. To save time, the flights j and k of two steps are on a grid of
 `MOST_BOUNDARIES`.
 
 Priors: m has a flat prior. a is on the grid `SHARES`, dense near 0, and g on the grid `SIZES`: 1,
-2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d; the sibling rigs give d and φ₀
-(`Scale`). Without siblings, p(φ) ∝ 1/φ (d = 0).
+2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d. The other rigs of the fleet (its
+siblings) give d and φ₀ (`VariancePrior`). Without siblings, p(φ) ∝ 1/φ (d = 0).
 
 m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
 Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
@@ -54,7 +54,7 @@ change cannot be detected; above 32, g has no more influence on the result."""
 KINDS = ("step", "two_steps", "drift", "deviating")
 SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
-Places = Mapping[str, tuple[tuple[int, ...], ...]]
+Candidates = Mapping[str, tuple[tuple[int, ...], ...]]
 Prior = Mapping[str, float]
 """Kind of change → its prior probability in one series of flights"""
 UNLIKE = 0.01
@@ -70,36 +70,37 @@ search then computes the date of each step without a grid."""
 
 
 @dataclass(frozen=True)
-class Scale:
-    """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
+class VariancePrior:
+    """Prior distribution d·φ₀²/χ²_d of φ², the variance of a typical flight's value.
 
-    χ²_d is chi-squared with d degrees of freedom. d is 1 with the probability `UNLIKE` (the rig is
-    unlike its siblings), otherwise d is `freedom`.
+    The other rigs of the fleet (the rig's siblings) give φ₀² and d. χ²_d is a chi-squared variable
+    with d degrees of freedom. With the probability `UNLIKE`, the rig is unlike its siblings, and d
+    is 1. Otherwise, d is ``freedom``.
     """
 
     variance: float
-    """φ₀² > 0, in the squared unit of y"""
+    """φ₀² > 0: typical variance of the siblings, in the squared unit of the value"""
     freedom: float
-    """d ≥ 1"""
+    """d ≥ 1: the more alike the siblings' variances are, the larger is d"""
 
 
 @dataclass(frozen=True, eq=False)
 class ChangePosterior:
-    """Posterior probability and size δ of each possible change in n flights, each a model."""
+    """Posterior probabilities and sizes of the changes that are possible in a series of n flights.
 
-    places: Places
-    """Kind → for each model, the flights at which it has the change.
-
-    They are the first flight after each step, flight 0 for a drift, or the deviating flight.
+    Each candidate change, such as a step before flight 5, is one model of a Bayesian comparison.
     """
+
+    candidates: Candidates
+    """{kind of change: its candidates}, as `candidate_changes` returns them"""
     constant: float
-    """Probability that nothing changed"""
+    """Posterior probability that nothing changed"""
     probability: Mapping[str, FloatArray]
-    """Kind → probability of each model; they and ``constant`` sum to 1"""
+    """{kind: posterior probability of each candidate}; all of them and ``constant`` sum to 1"""
     size: Mapping[str, FloatArray]
-    """Kind, except ``two_steps`` → posterior mean of δ for each model, in the unit of y"""
+    """{kind: posterior mean of each candidate's size δ}, in the unit of y; not for ``two_steps``"""
     size_std: Mapping[str, FloatArray]
-    """Kind, except ``two_steps`` → posterior standard deviation of δ for each model"""
+    """{kind: posterior standard deviation of each candidate's size δ}; not for ``two_steps``"""
 
     def kind(self, name: str) -> float:
         """Return the posterior probability of the kind of change ``name``, one of `KINDS`."""
@@ -111,25 +112,27 @@ class ChangePosterior:
         return max(KINDS, key=self.kind)
 
     def best(self, kind: str) -> int:
-        """Return the index of the most probable model of a kind of change."""
+        """Return the index of the most probable candidate of a kind of change."""
         return int(np.argmax(self.probability[kind]))
 
 
 def change_posterior(
     y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior,
-    plans: np.ndarray | None = None, scale: Scale | None = None,
+    plans: np.ndarray | None = None, variance_prior: VariancePrior | None = None,
 ) -> ChangePosterior:  # fmt: skip
-    """Return the posterior of all possible changes in n flights of P plans; n − P must be ≥ 3.
+    """Return the posterior of all changes of a quantity that are possible in n flights of one rig.
 
-    ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): increasing times, in any
-    unit; ``plans`` (n,): each flight's flight plan, by default one for all; ``scale``: prior of
-    a flight's variance φ², from the sibling rigs.
+    ``y`` (n,): the value that each flight gives; ``s`` (n,): its standard deviation, s > 0.
+    ``t`` (n,): the flights' times, increasing, in any unit. ``prior``: the prior probability of
+    each kind of change. ``plans`` (n,): the flight plan of each flight; None: all have the same
+    plan. ``variance_prior``: prior of the variance of a typical flight's value; None: unknown.
+    n must exceed the number of plans by at least 3.
     """
     from scipy.special import gammaln, logsumexp
 
     n = len(y)
-    places = change_places(n)
-    x = {kind: regressors(kind, places, t) for kind in SINGLE}
+    candidates = candidate_changes(n)
+    x = {kind: regressors(kind, candidates, t) for kind in SINGLE}
     ratio = (s / np.median(s)) ** 2
     w = 1.0 / ((1 - SHARES)[:, None] * ratio + SHARES[:, None])  # (a, i)
     plan = np.zeros(n, int) if plans is None else np.unique(plans, return_inverse=True)[1]
@@ -138,8 +141,8 @@ def change_posterior(
     r = y - ((of_plan @ y) / sum_w)[:, plan]  # (a, i)
     s_yy = np.einsum("ai,ai->a", w, r**2)
     if not np.all(s_yy > (np.finfo(float).eps * np.abs(y).max()) ** 2 * n):  # equal values
-        zeros = {kind: np.zeros(len(places[kind])) for kind in KINDS}
-        return ChangePosterior(places, 1.0, zeros, zeros, zeros)
+        zeros = {kind: np.zeros(len(candidates[kind])) for kind in KINDS}
+        return ChangePosterior(candidates, 1.0, zeros, zeros, zeros)
     s_xy = {kind: (w * r) @ x[kind].T for kind in SINGLE}  # (a, model)
     mean = {k: of_plan @ x[k].T / np.sqrt(sum_w)[:, :, None] for k in SINGLE}  # (a, plan, model)
     s_xx = {k: np.maximum(w @ (x[k] ** 2).T - (mean[k] ** 2).sum(axis=1), 0.0) for k in SINGLE}
@@ -149,12 +152,13 @@ def change_posterior(
     shrink = {kind: square / occam[kind] for kind in SINGLE}
     gain = {kind: s_xy[kind] ** 2 * shrink[kind] for kind in SINGLE}
     gain["two_steps"], occam["two_steps"] = _two_steps(
-        places, w, mean["step"], x["step"], s_xy["step"], s_xx["step"], square
+        candidates, w, mean["step"], x["step"], s_xy["step"], s_xx["step"], square
     )
     nu = n - sum_w.shape[1]
-    freedom = np.array([0.0] if scale is None else [1.0, scale.freedom])[:, None, None, None]
-    known = freedom * (0.0 if scale is None else scale.variance)  # dφ₀²; (d, g, a, model) from here
-    normal = 0.0 if scale is None else (
+    degrees = [0.0] if variance_prior is None else [1.0, variance_prior.freedom]
+    freedom = np.array(degrees)[:, None, None, None]  # (d, g, a, model) from here
+    known = freedom * (0.0 if variance_prior is None else variance_prior.variance)  # dφ₀²
+    normal = 0.0 if variance_prior is None else (
         gammaln((nu + freedom) / 2) - gammaln(freedom / 2) + 0.5 * freedom * np.log(known)
         + np.log([UNLIKE, 1 - UNLIKE])[:, None, None, None]
     )  # fmt: skip
@@ -169,10 +173,10 @@ def change_posterior(
         for kind in KINDS
     }  # fmt: skip
     constant = evidence + normal - 0.5 * (nu + freedom) * np.log(s_yy[:, None] + known)
-    log_constant = _log_sum(constant)[0] + np.log(1 - sum(prior[kind] for kind in KINDS))
-    models = {kind: _log_sum(each[kind]) for kind in KINDS}
+    log_constant = _log_mean_evidence(constant)[0] + np.log(1 - sum(prior[kind] for kind in KINDS))
+    models = {kind: _log_mean_evidence(each[kind]) for kind in KINDS}
     weight = {
-        kind: models[kind] + np.log(prior[kind] / max(len(places[kind]), 1)) for kind in KINDS
+        kind: models[kind] + np.log(prior[kind] / max(len(candidates[kind]), 1)) for kind in KINDS
     }
     total = logsumexp(np.concatenate([[log_constant], *weight.values()]))
     size, spread = {}, {}
@@ -185,7 +189,7 @@ def change_posterior(
         size[kind] = (share * mean_size).sum(axis=(0, 1, 2))
         spread[kind] = (share * (variance + (mean_size - size[kind]) ** 2)).sum(axis=(0, 1, 2))
     return ChangePosterior(
-        places,
+        candidates,
         float(np.exp(log_constant - total)),
         {kind: np.exp(weight[kind] - total) for kind in KINDS},
         size,
@@ -193,29 +197,38 @@ def change_posterior(
     )
 
 
-def _log_sum(each: FloatArray) -> FloatArray:
-    """Return the log of each model's mean evidence; ``each`` (d, g, a, model) is log evidence."""
-    rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
+def _log_mean_evidence(log_evidence: FloatArray) -> FloatArray:
+    """Return (model,): the logarithm of each model's evidence, averaged over all grid points.
+
+    ``log_evidence`` (d, g, a, model): the logarithm of each model's evidence at each grid point.
+    The grids are those of d (degrees of freedom of the variance's prior), g (typical size of a
+    change) and a (share of the scatter between flights in the variance).
+    """
+    rows = log_evidence.reshape(int(np.prod(log_evidence.shape[:-1])), log_evidence.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
     return total
 
 
 def _two_steps(
-    places: Places, w: FloatArray, mean: FloatArray, x: FloatArray, s_xy: FloatArray,
+    candidates: Candidates, w: FloatArray, mean: FloatArray, x: FloatArray, s_xy: FloatArray,
     s_xx: FloatArray, square: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx) for all pairs of steps.
+    """Return the arrays Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx) for each pair of steps.
 
-    The module explains the symbols. Both arrays have the axes (g, a, pair): the grids of g and a,
-    and the pairs of steps. The arguments describe K single steps in n flights:
+    For one pair, the 2×2 matrix Sxx has the weighted products of the two steps' regressors, and the
+    vector Sxy has their weighted products with y. Both arrays have the shape (g, a, pair). Axis g
+    is the grid of the typical size of a change. Axis a is the grid of the share of the scatter
+    between flights. ``candidates`` contains the pairs. The other arguments describe the n flights
+    and the K single steps:
 
-    - ``w`` (a, n): the weights wᵢ
-    - ``x`` (K, n): each step's regressor
-    - ``mean`` (a, plan, K): its weighted mean over the flights of each plan, times √Σwᵢ
-    - ``s_xy``, ``s_xx`` (a, K): its sums Sxy and Sxx, here scalars
+    - ``w`` (a, n): the weight wᵢ of each flight
+    - ``x`` (K, n): the regressor of each single step
+    - ``mean`` (a, plan, K): the weighted mean of each regressor over the flights of each plan,
+      multiplied by √Σwᵢ of these flights
+    - ``s_xy``, ``s_xx`` (a, K): the scalars Sxy and Sxx of each single step
     - ``square`` (g, 1, 1): g²
     """
-    pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
+    pairs = np.array(candidates["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T
     # The product of both regressors is that of the later step.
     s_jk = (w @ x.T)[:, k] - np.einsum("apm,apm->am", mean[:, :, j], mean[:, :, k])
@@ -226,8 +239,16 @@ def _two_steps(
     return gain, square**2 * det
 
 
-def change_places(n: int) -> Places:
-    """Return the possible changes in ``n`` flights, as `ChangePosterior.places`."""
+def candidate_changes(n: int) -> Candidates:
+    """Return {kind of change: the candidate changes of this kind} for a series of ``n`` flights.
+
+    A candidate is a tuple of flight indices. For a step, it contains the first flight after the
+    step; for two steps, the first flight after each. A drift is the tuple (0,). For a deviating
+    flight, it contains this flight.
+
+    >>> candidate_changes(5)["step"]
+    ((2,), (3,))
+    """
     firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
     grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]
     return {
@@ -238,12 +259,13 @@ def change_places(n: int) -> Places:
     }
 
 
-def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
-    """Return the regressors x (K, n) of the K possible changes of one ``kind`` of `SINGLE`.
+def regressors(kind: str, candidates: Candidates, t: FloatArray) -> FloatArray:
+    """Return the regressors x (K, n) of the K candidate changes of one ``kind``, in n flights.
 
-    ``places``: the flights at which each change may be. ``t`` (n,): the flights' times.
+    A candidate of size δ adds δ·x to the flights' values. ``kind`` is "step", "drift" or
+    "deviating". ``candidates``: what `candidate_changes` returns. ``t`` (n,): the flights' times.
     """
-    flights, at = np.arange(len(t)), np.array(places[kind])
+    flights, at = np.arange(len(t)), np.array(candidates[kind])
     if kind == "drift":
         time = t - t[0] if t[-1] > t[0] else flights.astype(float)
         return np.asarray(time / time[-1])[None, :]

@@ -29,10 +29,10 @@ from heli3dof.fleet.change_posterior import (
     SINGLE,
     ChangePosterior,
     Prior,
-    Scale,
+    VariancePrior,
     change_posterior,
 )
-from heli3dof.fleet.sibling_scale import MAD_TO_STD
+from heli3dof.fleet.variance_prior import MAD_TO_STD
 
 REPORTED = 0.95
 """Least probability of a reported change: at most one report in 20 is false (a convention)"""
@@ -71,7 +71,7 @@ class Change:
     last: int
     """Step: last flight before it. Drift: its last flight. Deviating: the flight"""
     probability: float
-    """Probability of any change in the flights among which this change was found"""
+    """Posterior probability that the quantity changed at all in the flights searched"""
     kinds: Mapping[str, float]
     """Probability of each kind; they sum to ``probability``"""
     dates: Mapping[int, float]
@@ -83,7 +83,10 @@ class Change:
 
 
 def track_prior(quantities: int) -> Prior:
-    """Return the prior probability of each kind of change in one of a rig's ``quantities``."""
+    """Return the prior probability of each kind of change in one quantity of a rig.
+
+    ``quantities``: the number of quantities among which the rig's expected changes are divided.
+    """
     return _scaled(CHANGES_PER_RIG_SEMESTER, 1 / quantities)
 
 
@@ -93,17 +96,18 @@ def _scaled(prior: Prior, factor: float) -> Prior:
 
 def find_changes(
     t: FloatArray, y: FloatArray, s: FloatArray | None, prior: Prior,
-    plans: np.ndarray | None = None, scale: Scale | None = None,
+    plans: np.ndarray | None = None, variance_prior: VariancePrior | None = None,
 ) -> tuple[Change, ...]:  # fmt: skip
     """Return the changes in n flights: steps and drifts in order of time, then deviating flights.
 
     ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. If ``s`` is None, the
     values need not be normally distributed, so the search uses their normal scores. ``plans`` (n,):
-    each flight's flight plan, by default one for all. ``scale``: prior of the variance φ² from
-    flight to flight, estimated from the fleet's other rigs.
+    the flight plan of each flight; None: all have the same plan. ``variance_prior``: prior of the
+    variance from flight to flight, estimated from the fleet's other rigs.
     """
-    series = _Series(t, y, s, prior, np.zeros(len(y), int) if plans is None else plans, scale)
-    deviating = list(_candidates(series))
+    plans = np.zeros(len(y), int) if plans is None else plans
+    series = _Series(t, y, s, prior, plans, variance_prior)
+    deviating = list(_clear_outliers(series))
     kept = np.setdiff1d(np.arange(len(y)), [c.first for c in deviating])
     while True:
         found = list(_search(series, kept))
@@ -126,7 +130,7 @@ class _Series:
     s: FloatArray | None
     prior: Prior
     plans: np.ndarray
-    scale: Scale | None
+    variance_prior: VariancePrior | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
         """Return True if ``flights`` are enough to search them for changes.
@@ -143,7 +147,7 @@ class _Series:
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = _scaled(self.prior, len(flights) / len(self.y))
         if self.s is not None:
-            return change_posterior(y, self.s[flights], t, prior, plans, self.scale)
+            return change_posterior(y, self.s[flights], t, prior, plans, self.variance_prior)
         equal = np.ones(len(y))
         by_rank = change_posterior(normal_scores(y), equal, t, prior, plans)
         sized = change_posterior(y, equal, t, prior, plans)
@@ -159,7 +163,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
     return scores
 
 
-def _candidates(series: _Series) -> Iterator[Change]:
+def _clear_outliers(series: _Series) -> Iterator[Change]:
     """Yield the deviating flights that a Hampel filter proposes and the posterior confirms."""
     from scipy.ndimage import median_filter
 
@@ -175,7 +179,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
     others = np.setdiff1d(np.arange(n), proposed)
     for flight in proposed:
         flights = np.sort(np.append(others, flight))
-        change = _single(series, flights)
+        change = _most_probable_change(series, flights)
         if change is not None and (change.kind, change.first) == ("deviating", flight):
             yield change
 
@@ -192,15 +196,18 @@ def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
         yield _change(posterior, flights, kind)
         return
     start = 0
-    for end in posterior.places[kind][posterior.best(kind)]:
+    for end in posterior.candidates[kind][posterior.best(kind)]:
         yield from _search(series, flights[start:end])
         yield _change(posterior, flights, "step", end)
         start = end
     yield from _search(series, flights[start:])
 
 
-def _single(series: _Series, flights: np.ndarray) -> Change | None:
-    """Return the most probable change in ``flights``; None if that of any is below `REPORTED`."""
+def _most_probable_change(series: _Series, flights: np.ndarray) -> Change | None:
+    """Return the most probable change in ``flights``, or None.
+
+    It is None if the probability that anything changed in these flights is below `REPORTED`.
+    """
     posterior = series.posterior(flights)
     if 1 - posterior.constant < REPORTED:
         return None
@@ -241,7 +248,7 @@ def _change(
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]
     value, variance = float(size[model]), float(std[model]) ** 2
-    first, last = posterior.places[kind][model][0], len(flights) - 1
+    first, last = posterior.candidates[kind][model][0], len(flights) - 1
     dates: dict[int, float] = {}
     if kind == "deviating":
         last = first

@@ -1,24 +1,40 @@
-"""``fleet --json``: the fleet as one JSON document, schema ``heli3dof.fleet/1``.
+"""Write the JSON document of ``fleet --json``, schema ``heli3dof.fleet/1``.
 
 ::
 
-    schema, recordings, rigs[], ordered_by_name[] (rigs whose flights lack start times)
-    quantities[]       quantity, fleet (an estimate, or null)
-      rigs[]           rig, flights, plan, estimate, own[] (recording, value, std)
+    schema
+    recordings         number of recordings, with the unused ones
+    rigs[]             names of the rigs
+    ordered_by_name[]  rigs whose flights are ordered by name, because start times are missing
+    quantities[]       quantity, fleet (the estimate of the mean over the rigs, or null)
+      rigs[]           rig, flights (their number), plan, estimate, own[] (recording, value, std)
     steps[]            rig, quantity, probability, kinds, size, interval, before, after
-      dates[]          before, after, probability: the flights between which the step may be
+      dates[]          before, after, probability
     drifts[]           rig, quantity, probability, kinds, size, interval, first, last
     deviating[]        rig, quantity, probability, kinds, size, interval, flight
     differing[]        rig, quantity, difference, std, p_value
-    bad_recordings[]   recording, rig, reason
+    bad_recordings[]   recording, rig, reason: the unused recordings
 
-An estimate has ``value std interval scatter flights``. ``interval`` is the 95 % interval,
-``scatter`` the standard deviation between flights, ``flights`` the number of flights. In ``fleet``,
-the last two refer to rigs instead. ``own`` holds each flight's value, shrunken towards the rig's
-mean. A rig's ``estimate`` and ``own`` use flights of ``plan`` (null: the recordings state no plan).
-A flight has ``recording`` and ``day`` (days since 1970-01-01 UTC; null if flights are ordered by
-name). ``kinds`` gives the probability of each kind of change, ``p_value`` the chance of such a
-difference if all rigs are alike. Numbers are in the quantity's unit; undefined numbers are null.
+Numbers are in the quantity's unit; undefined numbers are null.
+
+**Estimates** have the keys ``value``, ``std`` (standard error), ``interval`` (95 % limits),
+``scatter`` and ``flights``. The ``estimate`` of a rig is the mean over its flights: ``scatter`` is
+the standard deviation between flights, ``flights`` their number. The estimate ``fleet`` is the mean
+over the rigs: ``scatter`` is the standard deviation between rigs, ``flights`` the number of rigs.
+A rig's ``estimate`` uses only flights of the flight plan ``plan`` (null: recordings without a
+plan). It leaves out deviating flights and all flights before the quantity's last step. ``own`` has
+the shrinkage estimate of each flight used.
+
+**Changes** are in the lists ``steps``, ``drifts`` and ``deviating`` (one flight deviates).
+``probability`` is the posterior probability that the quantity changed at all in the flights
+searched. ``kinds`` divides it among the kinds of change: {kind: probability}. ``interval`` has the
+95 % limits of ``size``. A step lies between the flights ``before`` and ``after``; ``dates`` lists
+its possible positions. A drift goes from the flight ``first`` to ``last``. Each flight has the keys
+``recording`` and ``day`` (days since 1970-01-01 UTC; null if the flights are ordered by name).
+
+**Differing rigs**: ``difference`` is the rig's value minus the mean of the other rigs. ``std`` is
+its standard deviation for a rig like the others. ``p_value`` is the probability of such a
+difference anywhere in the fleet if all rigs are alike.
 """
 
 from __future__ import annotations
@@ -87,9 +103,10 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return recording, shrunken value and standard deviation of each flight in ``r.estimate``.
+    """Return the list ``own``: the shrinkage estimate from each flight that ``r.estimate`` uses.
 
-    The list is empty if the standard deviations are unknown, or if there is only one flight.
+    Each entry has the recording, value and standard deviation. The list is empty if the standard
+    deviations are unknown, or if there is only one flight.
     """
     if r.track.s is None or r.estimate.n < 2:
         return []

@@ -12,8 +12,8 @@ expected value n − 1 at the true τ², and falls as τ² grows. So τ² is the
 The interval of θ is θ̂ ± t(n−1) · √(Q/(n−1)/Σwᵢ) (Hartung and Knapp, Stat. Med. 20, 2001). If all sᵢ
 are equal, or unknown (sᵢ = 0), it is the t interval of the mean.
 
-One measurement's own value θ + bᵢ has the estimate θ̂ + B(yᵢ − θ̂) with B = τ²/(τ² + sᵢ²) and the
-variance B·sᵢ² + (1 − B)²·var θ̂.
+The true value θ + bᵢ of measurement i has the shrinkage estimate θ̂ + B(yᵢ − θ̂), where
+B = τ²/(τ² + sᵢ²). The variance of this estimate is B·sᵢ² + (1 − B)²·var θ̂.
 """
 
 from __future__ import annotations
@@ -38,11 +38,14 @@ class Estimate:
     std: float
     """Standard error of ``value``; NaN if it is not known"""
     scatter: float
-    """τ, the standard deviation between measurements; NaN for one measurement"""
+    """Standard deviation τ of the true values of the measurements; NaN if n is 1"""
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return the limits of the interval with coverage `LEVEL`; NaN for one measurement."""
+        """Return the two limits of the confidence interval of ``value``; both are NaN if n is 1.
+
+        `LEVEL` is the interval's coverage.
+        """
         from scipy.stats import t
 
         if self.n < 2:
@@ -68,7 +71,10 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
 
 
 def scatter_variance(y: FloatArray, s: FloatArray) -> float:
-    """Return the variance τ² between two or more measurements ``y`` (n,) with std ``s`` (n,)."""
+    """Return the variance τ² of the true values of n ≥ 2 measurements.
+
+    ``y``, ``s`` (n,): the measurements and the standard deviations of their errors.
+    """
     from scipy.optimize import brentq
 
     n = len(y)
@@ -99,9 +105,11 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (n,) of the own values θ + bᵢ, and their standard deviations (n,).
+    """Return shrinkage estimates (n,) of the true values of n ≥ 2 measurements, and their std (n,).
 
-    ``estimate``: what `random_effects` returns for ``y`` (n,) and ``s`` (n,), n ≥ 2.
+    The estimates lie between the measurements and their mean. ``y``, ``s`` (n,): the measurements
+    and the standard deviations of their errors. ``estimate``: what `random_effects` returns for
+    ``y`` and ``s``.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

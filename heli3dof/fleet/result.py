@@ -1,7 +1,7 @@
 """The result classes of `heli3dof.fleet.analyse`.
 
-`Fleet` is the whole result. It consists of a `FleetQuantity` for each quantity, and this of a
-`RigQuantity` for each rig.
+`Fleet` is the whole result. It contains one `FleetQuantity` for each quantity. Each `FleetQuantity`
+contains one `RigQuantity` for each rig.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class RigQuantity:
     estimate: Estimate
     """Estimate from the flights ``present``"""
     difference: Difference | None
-    """Difference from the siblings, if the rig differs"""
+    """Difference from the other rigs; None if it is not significant"""
 
     def has(self, kind: str) -> bool:
         """Return True if the quantity has a change of this ``kind``, such as "step"."""

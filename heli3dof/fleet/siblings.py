@@ -47,7 +47,10 @@ class Difference:
 
 
 def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
-    """Return the mean of the rigs and their scatter; None if no rig has a standard error."""
+    """Return the mean of the rigs' estimates, and the scatter between the rigs.
+
+    It is None if no rig has a standard error. ``rigs``: {rig: its estimate}.
+    """
     known = [e for e in rigs.values() if isfinite(e.std)]
     if not known:
         return None

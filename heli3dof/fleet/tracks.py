@@ -1,4 +1,4 @@
-"""Tracks: the values of one quantity of one rig in its flights, in order of time.
+"""Tracks: a track is the time series of one quantity over the flights of one rig.
 
 A quantity is a column NAME of the batch's results table that has a column ``NAME_std``, or one of
 `WITHOUT_STD`. Tracks leave out a recording for one of three reasons:
@@ -48,18 +48,19 @@ class BadRecording:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The values of one quantity of one rig in n flights, in order of time."""
+    """Time series of one quantity over n flights of one rig."""
 
     rig: str
     quantity: str
     t: FloatArray
-    """(n,) days since 1970-01-01 UTC; the flights' numbers 0, 1, 2, … if ``dated`` is False"""
+    """(n,) start times in days since 1970-01-01 UTC; if ``dated`` is False, the numbers 0, 1, 2, …
+    of the flights"""
     y: FloatArray
     """(n,) values in the quantity's unit"""
     s: FloatArray | None
     """(n,) standard deviations of ``y``; None for a quantity in `WITHOUT_STD`"""
     plans: np.ndarray
-    """(n,) names of the plans; empty where there is none"""
+    """(n,) names of the flight plans; empty for a flight without a plan"""
     flights: tuple[str, ...]
     """Names of the recordings"""
     dated: bool
@@ -76,8 +77,12 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     return [row for row in rows if not row.get("replicate")]
 
 
-def named_by_serial(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows with the rig ``NAME (SERIAL)`` where a profile's name has several serials."""
+def with_distinct_rig_names(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows, with the rig renamed to ``NAME (SERIAL)`` if several rigs share its name.
+
+    Rows with the same name but different serial numbers belong to different rigs. A row without a
+    serial number keeps its name.
+    """
     serials: dict[str, set[object]] = {}
     for row in rows:
         serials.setdefault(rig_of(row), set()).add(row.get("serial") or None)
@@ -136,7 +141,11 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
-    """Return a track of each rig for each of the ``quantities`` that the rig has, sorted by rig."""
+    """Return the tracks of all rigs, sorted by rig.
+
+    A track is the time series of one quantity over the flights of one rig. A rig has a track for
+    each of the ``quantities`` of which at least one of its flights gives a value.
+    """
     rigs: dict[str, list[Row]] = {}
     for row in rows:
         rigs.setdefault(rig_of(row), []).append(row)
@@ -196,7 +205,10 @@ def _track(
 
 
 def _value(row: Row, quantity: str) -> tuple[float, float] | None:
-    """Return a usable (value, std) of a quantity, else None; std is 0 for one in `WITHOUT_STD`."""
+    """Return the value and the standard deviation of a quantity; None if they cannot be used.
+
+    For a quantity in `WITHOUT_STD`, the standard deviation is 0.
+    """
     with_std = quantity not in WITHOUT_STD
     value, std = row.get(quantity), row.get(quantity + STD) if with_std else 0.0
     if not isinstance(value, float | int) or not isinstance(std, float | int):

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.fleet.change_search import find_changes, track_prior
-from heli3dof.fleet.sibling_scale import sibling_scale
 from heli3dof.fleet.tracks import Track
+from heli3dof.fleet.variance_prior import variance_prior
 
 QUANTITIES = 10
 TERMS = 100
@@ -64,7 +64,7 @@ def false_alarms_in_rooms(flights: int, spread: float, odd: float, seed: int) ->
         for _ in range(QUANTITIES):
             tracks = room(rng, flights, spread=spread, odd=odd)
             for rig, one in enumerate(tracks):
-                scale = sibling_scale([t for t in tracks if t is not one])
+                scale = variance_prior([t for t in tracks if t is not one])
                 if find_changes(one.t, one.y, one.s, prior, one.plans, scale):
                     reported.add((term, rig))
     return len(reported)
@@ -95,7 +95,7 @@ def steps_found(size: float, seed: int, *, flights: int = FLIGHTS, siblings: int
     for _ in range(SERIES):
         k = int(rng.integers(least, flights - least + 1))
         y = rng.normal(size=flights) + size * (t >= k)
-        scale = sibling_scale(room(rng, flights, rigs=siblings)) if siblings else None
+        scale = variance_prior(room(rng, flights, rigs=siblings)) if siblings else None
         changes = find_changes(t, y, np.ones(flights), track_prior(20), None, scale)
         steps = [c for c in changes if c.kind == "step"]
         found += len(steps) == 1 and abs(steps[0].first - k) <= 1

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import doctest
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from scipy.stats import invgamma
 
+from heli3dof.fleet import change_posterior as change_posterior_module
 from heli3dof.fleet.change_posterior import (
     KINDS,
     SINGLE,
     SIZES,
     UNLIKE,
     ChangePosterior,
-    Scale,
-    change_places,
+    VariancePrior,
+    candidate_changes,
     change_posterior,
     regressors,
 )
@@ -53,7 +55,7 @@ def test_the_evidence_of_a_drift_by_numerical_integration() -> None:
 
 def test_the_evidence_with_the_siblings_scale_by_numerical_integration() -> None:
     """Four flights: φ² has a mixture of two scaled inverse χ² distributions as its prior."""
-    y, t, scale = np.array([0.0, 1.0, 1.5, 3.5]), np.arange(4.0), Scale(0.25, 7.0)
+    y, t, scale = np.array([0.0, 1.0, 1.5, 3.5]), np.arange(4.0), VariancePrior(0.25, 7.0)
     phi = np.exp(np.linspace(-6, 8, 2000))
     contrast = np.linalg.svd(np.ones((1, 4)))[2][1:]
     z, u = contrast @ y, contrast @ (t / 3)
@@ -77,7 +79,7 @@ def test_the_evidence_with_the_siblings_scale_by_numerical_integration() -> None
 def test_the_siblings_scale_makes_a_step_in_eight_flights_probable() -> None:
     y = np.array([0.3, -0.8, 0.5, 0.1, 6.2, 5.1, 6.9, 5.8])
     alone = change_posterior(y, np.ones(8), np.arange(8.0), RARE)
-    known = change_posterior(y, np.ones(8), np.arange(8.0), RARE, None, Scale(1, 90))
+    known = change_posterior(y, np.ones(8), np.arange(8.0), RARE, None, VariancePrior(1, 90))
     assert known.constant < 0.05 < alone.constant
     assert (known.most_probable, known.best("step")) == ("step", 2)
 
@@ -97,7 +99,7 @@ def test_a_step_within_each_of_two_plans_is_found() -> None:
     step = 9.0 * (np.arange(16) >= 8)
     y = np.random.default_rng(6).normal(size=16) + 40 * (plans == "steps") + step
     found = change_posterior(y, np.ones(16), np.arange(16.0), PRIOR, plans)
-    assert (found.most_probable, found.places["step"][found.best("step")]) == ("step", (8,))
+    assert (found.most_probable, found.candidates["step"][found.best("step")]) == ("step", (8,))
     assert found.size["step"][found.best("step")] == pytest.approx(9, abs=2)
 
 
@@ -162,8 +164,8 @@ def drawn_from_the_prior(n: int, many: int, seed: int) -> Iterator[Drawn]:
     """
     rng = np.random.default_rng(seed)
     t = np.arange(float(n))
-    places = change_places(n)
-    steps = regressors("step", places, t)
+    candidates = candidate_changes(n)
+    steps = regressors("step", candidates, t)
     kinds = ["none", *KINDS]
     shares = [1 - sum(PRIOR.values()), *(PRIOR[k] for k in KINDS)]
     for _ in range(many):
@@ -173,12 +175,12 @@ def drawn_from_the_prior(n: int, many: int, seed: int) -> Iterator[Drawn]:
         model, g = -1, rng.choice(SIZES)
         size = g * rng.normal()
         if kind != "none":
-            model = int(rng.integers(len(places[kind])))
+            model = int(rng.integers(len(candidates[kind])))
         if kind == "two_steps":
-            j, k = places[kind][model]
+            j, k = candidates[kind][model]
             y = y + size * steps[j - 2] + g * rng.normal() * steps[k - 2]
         elif kind != "none":
-            y = y + size * regressors(kind, places, t)[model]
+            y = y + size * regressors(kind, candidates, t)[model]
         yield kind, model, size, change_posterior(y, s, t, PRIOR)
 
 
@@ -230,3 +232,7 @@ def test_intervals_of_the_size_hold_the_truth_in_95_of_100(drawn) -> None:
     off = [(p.size[kind][m] - size) / p.size_std[kind][m] for kind, m, size, p in clear]
     error = 3 * np.sqrt(0.95 * 0.05 / len(off))
     assert np.mean(np.abs(off) < 1.96) == pytest.approx(0.95, abs=error + 0.01)
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(change_posterior_module).failed == 0

@@ -11,11 +11,11 @@ import pytest
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.fleet.tracks import (
     main_plan,
-    named_by_serial,
     quantities_of,
     read_rows,
     tracks_of,
     usable_and_bad,
+    with_distinct_rig_names,
 )
 
 
@@ -143,6 +143,6 @@ def test_tracks_of_each_rig_in_order_of_the_names() -> None:
 
 def test_serial_numbers_tell_rigs_with_the_same_profile_apart() -> None:
     rows = [row("x", serial="S1"), row("y", serial="S2"), row("z"), row("b", rig="b", serial="S3")]
-    named = named_by_serial(rows)
+    named = with_distinct_rig_names(rows)
     assert [r["rig"] for r in named] == ["a (S1)", "a (S2)", "a", "b"]
-    assert named_by_serial(rows[:1]) == rows[:1]
+    assert with_distinct_rig_names(rows[:1]) == rows[:1]

@@ -1,6 +1,6 @@
 """Draw a diagnosis: its prediction errors by axis, and the evidence for each cause.
 
-The evidence is the residual torque over the variable on which the cause depends. Points are the
+The evidence is the residual torque against the variable on which the cause depends. Points are the
 residual torque of the model without the cause, with error bars of one standard error. The line is
 the cause's torque as fitted to the innovations of the Kalman filter, not to the points.
 """
@@ -57,7 +57,11 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
 
 
 def evidence_figure(e: TorqueCurve) -> Figure:
-    """Draw the residual torque ``e`` over its variable, and the fitted torque of the cause."""
+    """Draw the evidence for a cause: a torque against the variable on which the cause depends.
+
+    The points show the residual torque of the model without this cause. The line shows the torque
+    of the fitted cause. ``e`` contains both.
+    """
     height = 3.6
     with new_figure(6.4, height, f"{e.name} in the residual torque") as figure:
         axes = figure.add_axes((0.125, 0.53 / height, 0.845, (height - 0.53 - 0.72) / height))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SAMPLES = 2000
-"""Largest number of samples per curve in the page; bounds a curve to about 30 kB (a convention)"""
+"""Number of samples above which a curve is decimated; bounds it to about 30 kB (a convention)"""
 DIGITS = 6
 """Significant digits of a sample: they resolve 1 ms in a quarter of an hour, and 0.001° in 720°"""
 THEME = {
@@ -178,7 +178,9 @@ def variable_of(color: Any) -> str:
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Return sorted indices of the samples of a curve ``y`` that keep its shape, about ``most``.
+    """Return sorted indices of about ``most`` samples of a curve ``y`` that keep its shape.
+
+    Both ends are kept too, so there can be a few more indices than ``most``.
 
     >>> decimated(np.array([0.0, 0.0, 9.0, 0.0, 0.0, 0.0, -9.0, 0.0]), 4).tolist()
     [0, 2, 4, 6, 7]

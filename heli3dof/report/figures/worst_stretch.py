@@ -28,9 +28,10 @@ BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of `CELL_S` s, and the RMSE of one axis there, without and with the causes.
+    """A stretch of `CELL_S` s of the held-out data, with the RMSE of two models on one axis.
 
-    Times are on the log's clock.
+    ``before_deg`` is the RMSE of the refitted model without the causes, ``after_deg`` that of the
+    model with the causes. Times are on the log's clock.
     """
 
     source: int
@@ -43,7 +44,13 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis with the largest ratio; None if all E are undefined."""
+    """Return the stretch and axis on which the model without the causes is worst.
+
+    ``before``: the prediction errors of the refitted model without the causes. ``after``: those of
+    the model with the causes. The stretch has the largest ratio of two RMSEs. The numerator is the
+    RMSE without the causes in this stretch. The denominator is the median over all stretches of the
+    RMSE with the causes, on the same axis. The result is None if no ratio is defined.
+    """
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )

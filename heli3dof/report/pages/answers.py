@@ -37,7 +37,11 @@ PLAN_COMMAND = re.compile(r"heli3dof (?:run|simulate) (\S+)")
 
 
 def diagnosis_answers(document: Document, data: FigureData, dt: float) -> list[Answer]:
-    """Return the report's answers from a diagnosis; ``dt``: control period in s."""
+    """Return the answers on the first screen of a diagnosis' report.
+
+    The questions are how wrong the simulation is, what the cause is, what the extended model gains
+    and what to do next. ``data``: the data of the figures. ``dt``: control period in s.
+    """
     answers = [_wrong(document), _cause(document, data), _gain(document), _next(document, dt)]
     return [a for a in answers if a is not None]
 
@@ -100,7 +104,11 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return the report's answers from a comparison's first recording; [] without models."""
+    """Return the answers on the first screen of a comparison's report.
+
+    The questions are how wrong the simulation is, which model predicts best, and what to do next.
+    The pictures show the first recording. If it was compared with no model, the list is empty.
+    """
     flight = comparison.flights[0]
     if not flight.models:
         return []
@@ -118,9 +126,10 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis with the model's largest RMSE of the replay, or else of predictions.
+    """Return the axis on which the model's closed-loop simulation has the largest RMSE.
 
-    Without either, the result is the first measured axis.
+    If the closed loop was not simulated, the RMSE of the model's predictions is used. If there are
+    no predictions either, the result is the first measured axis.
     """
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
@@ -131,7 +140,7 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return one answer: which model predicts the first recording best; [] without predictions."""
+    """Return a list with the answer to "Which model predicts best?"; [] without predictions."""
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

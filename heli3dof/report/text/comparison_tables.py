@@ -154,7 +154,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
     rows = []
     for axis in AXES:
         for m in flight.models:
-            subject = _subject(m, flight.models)
+            subject = _column_of_table_ii(m, flight.models)
             difference = flight.difference(m, axis)
             peak, error = difference["peak_deg"], difference["steady_error_deg"]
             rows.append(
@@ -180,8 +180,14 @@ def table_ii(flight: FlightComparison) -> Grid | None:
     )
 
 
-def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's label of ``model``, or None; only the first identified one has a label."""
+def _column_of_table_ii(
+    model: ModelComparison, models: Sequence[ModelComparison]
+) -> Subject | None:
+    """Return the column of the paper's Table II with which ``model`` is compared, or None.
+
+    Table II has numbers of two models: the "hover" model and one "identification". The second
+    column is compared with the first identified model in ``models``.
+    """
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -222,11 +228,12 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 
 
 def fit_table(comparison: Comparison) -> Grid:
-    """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
+    """Return one table with the RMSE of all models on each axis, by recording.
 
-    The last row of each recording has the errors of predicting that the angles stay constant. If
-    the table would have more than `MOST_ROWS` rows, it has one row per model instead, with the RMS
-    over all recordings.
+    The first columns have the RMSE of multi-step predictions. The others have the RMSE of the
+    closed-loop simulation with the recording's references (replay). The last row of each recording
+    has the errors of predicting that the angles stay constant. If the table would have more than
+    `MOST_ROWS` rows, it has one row per model instead, with the RMS over all recordings.
     """
     horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]
@@ -254,9 +261,10 @@ def fit_table(comparison: Comparison) -> Grid:
 
 
 def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]:
-    """Return one recording's tables: step metrics, if replayed, and predictions.
+    """Return one recording's tables: step metrics and prediction errors.
 
-    ``paper``: also a table like Table II of the paper, if replayed.
+    The step metrics are left out if the closed loop was not simulated (replayed). ``paper`` adds a
+    table like Table II of the paper, which is left out in the same case.
     """
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight) if paper else None, prediction_table(flight))

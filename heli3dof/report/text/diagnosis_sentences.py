@@ -46,7 +46,7 @@ LISTED = 6
 NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
 COUNTED = "lost_share"
-"""Parameter that is counted, and so has no uncertainty"""
+"""The only parameter that is counted, not estimated, and so has no standard deviation"""
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
@@ -87,7 +87,7 @@ def verdict(document: Document) -> str:
         meaning = WITH_REFIT if adopted(document) else BY_REFIT
     if word == "ambiguous":
         meaning = meaning.format(_why_ambiguous(document))
-    if _is_refused(document):
+    if _only_import_failed(document):
         meaning = NOT_IMPORTED
     if word == "explained" and all(map(is_counted, document["findings"])):
         meaning = ONLY_COUNTED
@@ -118,8 +118,8 @@ def _why_ambiguous(document: Document) -> str:
     return f"these recordings do not separate {listed(names)}"
 
 
-def _is_refused(document: Document) -> bool:
-    """Return True if the recordings are bad data only because heli3dof cannot import a log."""
+def _only_import_failed(document: Document) -> bool:
+    """Return True if the verdict is ``bad_data`` only because heli3dof could not import a log."""
     bad = [f["check"] for f in document.get("integrity", ()) if f["kind"] == "bad_data"]
     return bool(bad) and set(bad) == {"log.refused"}
 
@@ -139,8 +139,15 @@ def noisy_axes(document: Document) -> list[str]:
     ]
 
 
-def before_and_after(*gains: Document) -> str:
-    """Return the held-out RMSE (°) by axis: before → after each change, from its JSON object."""
+def rmse_before_and_after(*gains: Document) -> str:
+    """Return as text how successive changes of the model change the held-out RMSE of each axis.
+
+    ``gains``: for each change, its JSON object ``gain`` with the RMSE (°) before and after it.
+
+    >>> rmse = {"before": {"roll": 2.31, "pitch": 1.2}, "after": {"roll": 0.4, "pitch": 1.1}}
+    >>> rmse_before_and_after({"holdout_rmse_deg": rmse})
+    'roll 2.31° → 0.40°, pitch 1.20° → 1.10°'
+    """
     stages = [gains[0]["holdout_rmse_deg"]["before"]]
     stages += [gain["holdout_rmse_deg"]["after"] for gain in gains]
     return ", ".join(
@@ -153,13 +160,14 @@ def before_and_after(*gains: Document) -> str:
 def refit_explains(document: Document) -> bool:
     """Return True if refitting the profile's parameters explains the error of at least one axis.
 
-    The refit must remove most of the axis' mean square error, and the decrease must be significant
-    (`heli3dof.diagnosis.validation.gain.removes_most`). With the verdict ``off_calibration`` the
-    result is True without this test.
+    The refit must remove most of the mean square error of this axis, and the decrease must be
+    significant (`heli3dof.diagnosis.validation.gain.removes_most`). The verdict ``off_calibration``
+    already states that the refit explains the error, so no test follows.
 
-    The refitted model lacks the causes, so its parameters may only compensate for a cause. The
-    document also has ratios of parameters that were fitted together with the causes. If causes were
-    adopted, one of these ratios must therefore differ from the profile's (`changed_ratios`).
+    If the diagnosis added causes to the model, there is a second condition. The refitted model has
+    no causes, so a changed parameter may only compensate for a cause. The diagnosis therefore also
+    fits the parameters together with the causes. In this fit, at least one ratio of two parameters,
+    such as K_f/J_roll, must differ from its value in the profile (`changed_ratios`).
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -177,19 +185,27 @@ def refit_explains(document: Document) -> bool:
 
 
 def changed_ratios(document: Document) -> list[Document]:
-    """Return the ratios, such as K_f/J_roll, that differ from the profile's by more than 2 std."""
+    """Return the ratios of parameters, such as K_f/J_roll, that differ from the profile.
+
+    The difference must be larger than two standard deviations of the estimated ratio.
+    """
     ratios = document.get("ratios", ())
     return [r for r in ratios if abs(r["value"] - r["nominal"]) > 2 * r["std"]]
 
 
 def states_refit(document: Document) -> bool:
-    """Return True if the RMSE with refitted parameters is stated."""
+    """Return True if the sentences state by how much refitted parameters reduce the RMSE."""
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     return unknown or refit_explains(document)
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield a sentence on `changed_ratios`, and one if they differ by a common factor, if any."""
+    """Yield up to two sentences on ratios of parameters that differ from the profile.
+
+    The first sentence lists these ratios (`changed_ratios`) if the RMSE of the refit is stated
+    (`states_refit`). The second sentence states the factor by which all ratios K_f/J differ from
+    the profile, if they have one in common (`common_factor`).
+    """
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
         f"{ratio_unit(r['ratio'])} (profile: {significant(r['nominal'], r['std'])})"
@@ -206,10 +222,11 @@ def calibration_change(document: Document) -> Iterator[str]:
 
 
 def common_factor(document: Document) -> float | None:
-    """Return the factor by which the ratios K_f/J of all three axes differ from the profile's.
+    """Return the factor by which the ratios K_f/J of all three axes differ from the profile.
 
-    The result is None if a ratio is missing, or if the factors are not equal within the tolerance.
-    It is also None if the median factor is within the tolerance.
+    Each axis has its own estimated factor; the result is their median. It is None if an axis has no
+    estimate, if the factors are not equal within the profile's tolerance, or if the median differs
+    from 1 by less than the tolerance.
     """
     factors = [
         r["value"] / r["nominal"] for r in document.get("ratios", ()) if "K_f/J" in r["ratio"]
@@ -223,9 +240,11 @@ def common_factor(document: Document) -> float | None:
 
 
 def gain(document: Document) -> Iterator[str]:
-    """Yield a sentence with the RMSE of the profile, after the refit, and with the causes.
+    """Yield a sentence that compares the RMSE of up to three models, axis by axis.
 
-    Without causes, `unmodelled_effects` states the RMSE of a single unmodelled torque.
+    These are the profile's model, the refitted model, and the model with the causes. The profile's
+    model is left out if `states_refit` is False. If the only change of the model is one unmodelled
+    torque, `unmodelled_effects` states the RMSE, and this function yields nothing.
     """
     refit = states_refit(document)
     causes = has_adopted_causes(document)
@@ -237,7 +256,7 @@ def gain(document: Document) -> Iterator[str]:
         added = ["these causes"] * causes + ["the unmodelled torque"] * bool(torques)
         changes, stages = [*changes, document["gain"]], [*stages, f"with {' and '.join(added)}"]
     if changes:
-        falls = before_and_after(*changes)
+        falls = rmse_before_and_after(*changes)
         yield f"RMSE on {measured_on(document)}, {' → '.join(stages)}: {falls}."
 
 
@@ -341,12 +360,17 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def is_counted(finding: Document) -> bool:
-    """Return True if the size of a finding is counted, not estimated: the share of lost samples."""
+    """Return True if the size of a finding was counted, not estimated.
+
+    Only the share of lost samples is counted.
+    """
     return set(finding["parameters"]) == {COUNTED}
 
 
 def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
-    """Return the size of a cause's parameter ``key``, and its standard deviation; "" if counted.
+    """Return the size of a cause's parameter ``key``, and its standard deviation, as two texts.
+
+    The second text is "" for the share of lost samples, which is counted, not estimated.
 
     >>> size_and_std("torque_Nm", {"value": 0.03012, "std": 0.00042})
     ('0.03012', '0.00042')
@@ -469,7 +493,7 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 def _torque_term(rest: Document, where: str) -> str:
     """Return sentences on an unmodelled torque, of which ``rest`` is the JSON object."""
-    gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
+    gain = f"Its contribution on {where}: {rmse_before_and_after(rest['gain'])}."
     if not rest["formula"]:
         return f"The extended model contains it as a curve; no formula fits as well. {gain}"
     c = rest["formula_parameters"]["c"]
@@ -556,7 +580,7 @@ def next_steps(document: Document) -> Iterator[str]:
     if document["verdict"] == "bad_data":
         yield (
             "Correct this as stated above, then run heli3dof diagnose again."
-            if _is_refused(document)
+            if _only_import_failed(document)
             else "Correct the log or record again, then run heli3dof diagnose again."
         )
         return

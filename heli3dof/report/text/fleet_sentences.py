@@ -74,7 +74,7 @@ def difference_sentence(quantity: str, d: Difference) -> str:
 
 
 def remark_sentences(fleet: Fleet) -> Iterator[str]:
-    """Yield sentences on unused recordings and on what limits the search for changes."""
+    """Yield sentences on unused recordings, missing start times, several plans, too few flights."""
     if fleet.bad:
         reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
         stated = {part: b.reason for b in fleet.bad for part in _kinds_of_reason(b) if ": " in part}

@@ -71,8 +71,9 @@ def _by_axis(fits: np.ndarray) -> str:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds, and without the effects whose size, their first parameter, is within
-    two standard deviations of the value that means "no effect". A note names these effects.
+    ``brief`` leaves out the bounds and the effects that are not significant. An effect is not
+    significant if its first parameter is within two standard deviations of the value that means "no
+    effect". A note names the effects left out.
     """
     parameters = found.found.parameters
     sizes = {_short(name): p for name, p in reversed(list(parameters.items()))}  # first parameters
@@ -110,8 +111,8 @@ def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
 def transfer_functions_table(found: Identification, *, only_direct: bool = False) -> Grid:
     """Return a table of the factored transfer functions in °/V, rows by output and input.
 
-    ``only_direct``: only from the sum of the voltages to roll, and from the difference to pitch and
-    yaw; a note states whether the others are zero.
+    ``only_direct``: the table has only the transfer functions from the sum of the voltages to roll,
+    and from their difference to pitch and yaw. A note states whether the others are zero.
     """
     title = "Transfer functions, °/V, coefficients ± standard deviation"
     if found.found.transfer is None:

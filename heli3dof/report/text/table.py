@@ -89,7 +89,7 @@ class _FittingTable:
     def _least_width(self, column: int) -> int:
         """Return the width in characters of a column's longest cell or title.
 
-        A text of more than `NAME` characters counts with its longest word.
+        A text of more than `NAME` characters can be wrapped, so only its longest word counts.
         """
         from rich.cells import cell_len
 
@@ -106,7 +106,8 @@ class _FittingTable:
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
         """Return the widths of ``columns`` in characters, together at most ``width`` if possible.
 
-        What the least widths leave widens the columns from left to right, to their longest lines.
+        Each column first gets its least width. The characters that remain go to the columns from
+        left to right, to each at most as many as its longest line needs.
         """
         from rich.cells import cell_len
 

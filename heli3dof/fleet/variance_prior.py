@@ -1,21 +1,23 @@
-"""Prior for a quantity's variance from flight to flight, estimated from the sibling rigs.
+"""Prior of a quantity's variance from flight to flight, estimated from a rig's siblings.
 
-A few flights of one rig hardly determine their standard deviation φ, but rigs of one kind have
-similar φ. For sibling rig r, q_r estimates φ² from the differences between the values y of
-successive flights of one plan. A step changes only one of these differences (von Neumann, Ann.
-Math. Stat. 12, 1941)::
+The siblings of a rig are the other rigs of the fleet. A few flights of one rig hardly determine the
+variance φ² of its values. But rigs of one type have similar φ², so the siblings give a prior. For
+sibling r, q_r estimates φ² from the differences between the values y of successive flights of the
+same plan. A step of y changes only one difference (von Neumann, Ann. Math. Stat. 12, 1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
-Let φ² of the rigs be distributed as d·φ₀²/χ²_d. With the digamma and trigamma functions ψ and ψ',
-the mean E and the variance V of ln q_r are::
+The assumed distribution of φ² over the rigs is d·φ₀²/χ²_d, where χ²_d is chi-squared with d degrees
+of freedom. ψ is the digamma and ψ' the trigamma function. The mean E and the variance V of ln q_r
+are::
 
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
-To solve for φ₀² and d, E is replaced by the median of ln q_r over the siblings, and √V by 1.4826
-times the median absolute deviation. So rigs that changed have little influence (Smyth, Stat. Appl.
-Genet. Mol. Biol. 3, 2004, uses mean and variance). d is at least 1, and at most the sum of f_r, the
-degrees of freedom of φ₀² itself.
+Smyth (Stat. Appl. Genet. Mol. Biol. 3, 2004) estimates E and V by the mean and variance over r, and
+solves for φ₀² and d. Here the median replaces the mean, and 1.4826 times the median absolute
+deviation replaces √V. So an outlying q_r has little influence, such as that of a drifting rig. d is
+limited to the range from 1 to Σf_r. The limit Σf_r is the number of degrees of freedom of all q_r
+together.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heli3dof.fleet.change_posterior import Scale
+from heli3dof.fleet.change_posterior import VariancePrior
 from heli3dof.fleet.tracks import Track
 
 LEAST_SIBLINGS = 5
@@ -35,8 +37,12 @@ MAD_TO_STD = 1.4826
 """Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 
 
-def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
-    """Return the prior of φ²; None if fewer than `LEAST_SIBLINGS` of the rigs can be used."""
+def variance_prior(siblings: Sequence[Track]) -> VariancePrior | None:
+    """Return the prior of a rig's variance from flight to flight, estimated from its siblings.
+
+    ``siblings``: the values of the same quantity in the flights of each other rig. The prior is
+    None if fewer than `LEAST_SIBLINGS` rigs have enough flights (`LEAST_DIFFERENCES`).
+    """
     from scipy.special import digamma, polygamma
 
     found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
@@ -51,7 +57,7 @@ def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
     most = float(f.sum())
     d = min(most, max(1.0, _inverse_trigamma(between))) if between > 0 else most
     shift = float(np.log(d / 2) - digamma(d / 2))
-    return Scale(float(np.exp(np.median(centred) - shift)), d)
+    return VariancePrior(float(np.exp(np.median(centred) - shift)), d)
 
 
 def _differences(track: Track) -> np.ndarray:
