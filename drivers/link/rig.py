@@ -114,7 +114,7 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return the last sample's reason why the output is held at zero; None if it is not."""
+        """Return why the device holds its output at zero (last sample); None if it does not."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:

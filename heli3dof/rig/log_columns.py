@@ -4,7 +4,7 @@ Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, refer
 before the limiter, and voltages that the experiment adds. Every name ends in its unit; the ending
 of an angle is ``_deg`` or ``_rad``.
 
-The profile's table ``[log]`` (`LogColumns`) states how to compute these columns from those of
+The profile's table ``[log]`` (`LogColumns`) states how to compute these columns from the columns of
 another program's log.
 """
 

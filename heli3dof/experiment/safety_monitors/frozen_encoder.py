@@ -261,7 +261,7 @@ class _Axis:
         self._friction = self._estimated_friction()
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Update the object for roll with a sample taken while the arm is near its rest angle.
+        """Update this object, for roll, with a sample taken while the arm is near its rest angle.
 
         ``h``: s since the last sample; ``count``: the encoder's count; ``angle``: the encoder's
         angle in rad. ``lift``: roll acceleration in rad/s², caused by the excess of the present
@@ -275,7 +275,7 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update the object with a sample taken while the arm is in the air.
+        """Update this object with a sample taken while the arm is in the air.
 
         ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``:
         the encoder's count; ``angle``: the encoder's angle in rad.

@@ -25,8 +25,8 @@ scores each part. It rejects a lasting fault in two cases:
   a wrong roll sign, an arm above the table reads below it. With a motor that turns the wrong way,
   the two thrusts cancel, so the arm does not rise.
 
-The search reports no fault if a rejected fault explains the window far better, with a score that is
-higher by `SURE` than those of all other faults.
+The search reports no fault if a rejected fault explains the window far better: if its score is
+higher by `SURE` than the score of every other fault.
 
 The window ends before pitch reached its mechanical stop, and before the arm came down on the table,
 because these limit the motion. If an encoder froze in the air, the window ends at the last change
