@@ -223,9 +223,9 @@ class UsbOptions(LinkOptions):
 
 
 class UsbMockOptions(UsbOptions, RigOptions):
-    """URL options of ``usb+mock:``: those of ``usb:`` and of an emulated rig.
+    """URL options of ``usb+mock:``: the options of ``usb:`` and the options of an emulated rig.
 
-    An option that exists in both has the definition of `UsbOptions`.
+    If both have an option of one name, the definition in `UsbOptions` applies.
     """
 
     bus: tuple[str, ...] = Field(

@@ -4,7 +4,7 @@
     every state ── ESTOP, fault ──▶ STOPPED
 
 `amplifier` gives the voltage in each state. The caller passes the time in whole microseconds on
-the device's clock: nothing here waits. The plant is simulated in whole control periods, counted
+the device's clock; no method waits. The plant is simulated in whole control periods, counted
 from the last arming, or from the device's start before the first arming. The motors' voltage in a
 period is the mean of the amplifier's output over this period, so a late command acts late.
 """

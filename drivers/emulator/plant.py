@@ -49,10 +49,11 @@ class Truth:
 class Plant:
     """Simulates a rig's mechanics from motor voltages to encoder counts.
 
-    ``dt``: control period, s; ``noise`` multiplies the random torques; ``noise_s``: their
-    correlation time, s. ``vibration_hz``: frequency of the `Vibration`; 0: none. ``spread``:
-    largest relative change of parameters (`spread_body`), drawn from ``spread_seed`` if given, else
-    from ``seed``; ``start_V``: voltage on both motors before the start.
+    ``dt``: control period, s; ``noise`` multiplies the random torques; ``noise_s``: correlation
+    time of the random torques, s. ``vibration_hz``: frequency of the `Vibration`; 0: no vibration.
+    ``spread``: largest relative change of parameters (`spread_body`). The changes are random with
+    the seed ``spread_seed``; without it, with ``seed``. ``start_V``: voltage on both motors before
+    the start.
     """
 
     def __init__(

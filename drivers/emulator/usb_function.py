@@ -40,7 +40,7 @@ CONFIGURATION = (
 
 
 class UsbFunction:
-    """Emulated USB device. `control`, `receive`, `send` return None to reply STALL (an error)."""
+    """Emulated USB device. `control`, `receive` and `send` return None for STALL (an error)."""
 
     def __init__(self, endpoint: Endpoint, serial: str) -> None:
         self.endpoint = endpoint
@@ -75,9 +75,10 @@ class UsbFunction:
         self.halted.clear()
 
     def receive(self, now_us: int, data: bytes) -> bool | None:
-        """Accept ``data`` from the host at ``now_us`` (µs); return True.
+        """Receive ``data`` from the host at ``now_us`` (µs); return the USB handshake.
 
-        A return value of False means NAK: the host must send the bytes again. None means STALL.
+        True means ACK: the bytes were accepted. False means NAK: the host must send them again.
+        None means STALL: the pipe is halted.
         """
         if OUT in self.halted | self.stuck:
             return None

@@ -85,9 +85,9 @@ def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
 def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
     """Return the DeviceError for an ARM request that the device refused.
 
-    ``code`` and ``cause`` are those of the ACK (`Code`, `Cause`). ``period_us`` and ``watchdog_us``
-    are the sample period and watchdog timeout of the request in µs; ``name`` is the rig's port or
-    URL.
+    ``name``: the rig's port or URL. ``code`` and ``cause``: numbers in the device's reply, an ACK
+    frame (`Code`, `Cause`). ``period_us`` and ``watchdog_us``: sample period and watchdog timeout
+    in the request, in µs.
     """
     if code == Code.FAULT and cause == Cause.BUTTON:
         return DeviceError(

@@ -141,9 +141,10 @@ class RequestClient:
     ) -> F | None:
         """Send a request up to ``tries`` times; return its reply, or None if no attempt got one.
 
-        ``make(number)`` returns the request frame with this number. ``reply``: the class of the
-        reply frame, which has the number of any attempt. An `Ack` is the reply if it names the
-        request's type. Each attempt waits `REPLY_TIMEOUT_S`.
+        ``make(number)`` returns the request frame with this number; each attempt has a new number.
+        ``reply``: the class of the reply frame. A reply repeats the number of its attempt, and a
+        late reply to an earlier attempt is accepted. An `Ack` is accepted only if it names the
+        request's type. Each attempt waits `REPLY_TIMEOUT_S` s.
         """
         numbers: set[int] = set()
         self.tail = b""

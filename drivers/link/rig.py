@@ -114,7 +114,7 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return the last sample's reason why the output is held at zero; None if it is not."""
+        """Return why the device holds its output at zero (last sample); None if it does not."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:
@@ -159,7 +159,8 @@ class LinkRig:
     def exchange(self, command_: Command, due_s: float) -> Sample:
         """Send a command and return the sample at the end of this control period.
 
-        ``due_s``: end of the period in s on the monotonic clock, used only without a stream.
+        ``due_s``: end of the period in s on the host's monotonic clock. The method uses it only if
+        the host requests each sample. A streaming device sends a sample at each period's end.
         """
         self._check_open()
         v_front, v_back = command_.v_front, command_.v_back
@@ -222,7 +223,7 @@ class LinkRig:
         return self._client.request(lambda _: arm, Ack, tries=1)
 
     def _next_of_stream(self) -> Sample:
-        """Return the stream's next sample; if the stream has ended, a polled one."""
+        """Return the next sample that the device streams; if it has stopped streaming, poll one."""
         sample = self._samples.next_of_stream()
         if sample is not None:
             return sample

@@ -1,10 +1,14 @@
-"""Reads the samples of a rig on the link: from the stream, or one for each POLL.
+"""Reads a device's samples, which the device streams or sends in reply to a POLL.
 
-Of several samples that arrived together the newest is used. The others, and those that arrived
-before the host waited for a sample, are discarded as stale. `Sampling` repeats a POLL without a
-reply, for an armed rig after about four times the last round-trip time. So two replies may arrive,
-the second perhaps in the next period. The second is discarded if its sample was taken before that
-period's command was applied. `_extra_replies` counts how many more replies may arrive.
+A POLL is the host's request for one sample (docs/reference/protocol.md). If several samples have
+arrived together, `Sampling` returns the newest and discards the others as stale. Samples that
+arrived before the host began to wait for a sample are stale, too.
+
+If no reply to a POLL arrives, `Sampling` sends the POLL again: for an armed rig after about four
+times the last round-trip time, for an unarmed rig after `LONGEST_RETRY_S`. If the first reply was
+only late, both POLLs get a reply, and the second reply may arrive in the next period. `Sampling`
+discards this second reply if the device had not yet applied the next period's command when it took
+the sample. `_extra_replies` is the number of such second replies that may still arrive.
 """
 
 from __future__ import annotations
@@ -41,7 +45,7 @@ class Sampling:
     def since_valid(self) -> tuple[float, int, int]:
         """Return the time in s since the last valid sample, and two counts of frames since then.
 
-        The counts are those of malformed and of rejected frames.
+        The counts are (malformed frames, rejected frames).
         """
         statistics, (then_s, malformed, rejected) = self._client.statistics, self._valid
         return (
@@ -107,9 +111,9 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the time after which `poll` repeats a POLL without a reply, for an armed rig.
+        """Set how long `poll` waits for a reply of an armed rig before it repeats the POLL.
 
-        The time is 4·``round_trip_s`` s, clipped to `SHORTEST_RETRY_S` … `LONGEST_RETRY_S`.
+        This time is 4·``round_trip_s`` s, clipped to `SHORTEST_RETRY_S` … `LONGEST_RETRY_S`.
         """
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 

@@ -119,7 +119,10 @@ def named(processes: list[tuple[int, str]]) -> str:
 
 
 def held_by(path: str) -> str:
-    """Return as text the processes that have locked the port ``path``, else those that use it."""
+    """Return the names of the processes that have locked the port ``path``.
+
+    If no process has locked the port, the names are those of the processes that have opened it.
+    """
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 

@@ -114,7 +114,11 @@ class QuanserRig:
             raise
 
     def read(self) -> Sample:
-        """Return the board's next sample; before the first arming, a sample of this moment."""
+        """Return the next sample that the board takes by its own clock.
+
+        If the board's encoder task is not running, as before the first arming, the method reads the
+        encoders at once and returns this reading.
+        """
         self._check_open()
         with explained(self._board.error, self._name, "being read"):
             if self._stream.running:

@@ -87,7 +87,7 @@ class EncoderStream:
         return self._base_s + self._k * self._dt
 
     def now_s(self) -> float:
-        """Return the present device time in s, which is at least that of the last sample."""
+        """Return the present device time in s; it is never before the time of the last sample."""
         return self.time_s + max(0.0, self._late_s())
 
     def start(self, *, overrun: bool = False) -> None:

@@ -98,7 +98,7 @@ def on_bus(backend: Any) -> Iterator[OnBus]:
 
 
 def interface_of(device: Any) -> Any:
-    """Return the first USB interface of ``device`` whose class is that of a rig, or None."""
+    """Return the first USB interface of ``device`` that has a rig's class numbers, or None."""
     wanted = (CLASS, SUBCLASS, PROTOCOL)
     for configuration in device:
         for i in configuration:

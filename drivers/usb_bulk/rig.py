@@ -21,7 +21,7 @@ class UsbRig(LinkRig):
     """An open rig on USB bulk pipes; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(self, pipe: UsbTransport, profile: Profile, **options: Any) -> None:
-        """``options``: those of `LinkRig`."""
+        """Open the rig at ``pipe``; ``options``: keyword arguments for `LinkRig`."""
         self._pipe = pipe
         super().__init__(pipe, profile, driver="usb", **options)
 

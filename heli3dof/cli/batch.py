@@ -259,9 +259,10 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return {recording: for each cause, how many of its bootstrap replicates name this cause}.
+    """Return how often the diagnoses of a recording's bootstrap replicates name each cause.
 
-    Recordings without replicates are left out.
+    The result is a dict: recording → one `NamedShare` for each cause. Recordings without replicates
+    are left out.
     """
     from heli3dof.batch.bootstrap import named_shares
 

@@ -112,8 +112,8 @@ def show_comparison(
 ) -> None:
     """Print each axis's best model and a table of RMSE values; with ``verbose`` all tables.
 
-    ``paper``: also print a table like the paper's Table II. ``published``: the paper's numbers,
-    which are printed as one more table if there are any.
+    ``paper``: True prints also a table like the paper's Table II. ``published``: the paper's
+    numbers; if there are any, they are printed as one more table.
     """
     from heli3dof.comparison.verdict import verdict
     from heli3dof.report.text.comparison_tables import (

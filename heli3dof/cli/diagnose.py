@@ -146,7 +146,10 @@ def _exercise_ids(recordings: Sequence[Recording]) -> list[str | None] | None:
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:
-    """Print a diagnosis from its ``diagnose --json`` document; ``verbose``: also its tables."""
+    """Print a summary of a diagnosis; with ``verbose``, print all tables instead.
+
+    ``document``: the JSON document of ``diagnose --json``.
+    """
     from heli3dof.report.text.diagnosis_summary import diagnosis_summary
     from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 

@@ -231,10 +231,14 @@ def _same_name(name: str) -> str:
 
 
 def _names(row: dict[str, Any]) -> str:
-    """Return as text how many hidden causes an answer names, and the names of two other groups.
+    """Return the marks of the causes that an answer names, as lines of text.
 
-    Those are the wrongly claimed causes, and the missed causes that the answer states to be
+    The first line states how many of the hidden causes the answer names. A line ``wrong: NAME``
+    follows for each effect that the answer names although it is not hidden. A line ``confounded:
+    NAME`` follows for each hidden cause that the answer does not name as a cause, but lists as
     confounded with a wrong one.
+
+    ``row``: one answer's marks, from `MarkedAnswer.document`.
     """
     lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
     lines += [f"wrong: {name}" for name in row["wrong"]]
@@ -243,7 +247,13 @@ def _names(row: dict[str, Any]) -> str:
 
 
 def _sizes(row: dict[str, Any]) -> str:
-    """Return as text each claimed size's relative error, and if its interval has the true size."""
+    """Return the marks of the parameter values in an answer, one line of text for each value.
+
+    A line states the relative error of a value, and whether the answer's 95 % interval of this
+    value contains the true one: "12 %, inside".
+
+    ``row``: one answer's marks, from `MarkedAnswer.document`.
+    """
     where = {True: "inside", False: "outside", None: "no interval"}
     lines = [f"{100 * s['relative_error']:.0f} %, {where[s['inside']]}" for s in row["sizes"]]
     return "\n".join(lines) or "–"

@@ -1,4 +1,7 @@
-"""``heli3dof fleet``: finds changes, differing rigs and unusable recordings of many rigs."""
+"""``heli3dof fleet``: analyses the recordings of many rigs.
+
+It finds changes of a rig over time, rigs that differ from the others, and unusable recordings.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +66,10 @@ def fleet(
 
 
 def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
-    """Print findings and a table of rigs; ``verbose``: also all quantities, unused recordings."""
+    """Print the findings and a table of the rigs.
+
+    ``verbose``: True prints also a table of each quantity and a table of the unused recordings.
+    """
     from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
     from heli3dof.report.text.fleet_tables import bad_table, quantity_table, rig_table
 

@@ -15,15 +15,16 @@ from heli3dof.errors import minus
 if TYPE_CHECKING:
     from rich.table import Table
 
-EXAMPLE = """Files of one flight can be given together. Without -o, import only shows what it
-understood: column, source, unit, range. A matrix gives x[1], x[2], …: its rows after the time.
+EXAMPLE = """Files of one flight can be given together. Without -o, import writes nothing: it
+shows the name, source, unit and range of each column. The rows of a matrix x after the time are
+x[1], x[2], …
 
 Example: heli3dof import input.mat x_enc.mat --profile rig.toml -o step.mcap
 --map 'v_front_V=(input[1]-input[2])/2' --map 'v_back_V=(input[1]+input[2])/2'
 --map 'roll_deg=57.2958*x_enc[5]'
 
-Here input[1] is the sum of the voltages, input[2] the difference back - front. If the log has the
-sum less its value at hover, add this value: (input[1]+5.48-input[2])/2.
+Here input[1] is the sum of the voltages, input[2] the difference back - front. If the
+log contains the sum minus the sum at hover, add the sum at hover: (input[1]+5.48-input[2])/2.
 """
 
 
@@ -38,7 +39,8 @@ def import_log(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="A .csv, .mat, .npz, .parquet or .mcap log, or a format of an installed package.",
+            help="A log: .csv, .mat, .npz, .parquet, .mcap, or a format that an installed package "
+            "can read.",
         ),
     ],
     profile: LogProfile = None,
@@ -48,7 +50,8 @@ def import_log(
         typer.Option(
             "--map",
             metavar="COLUMN=EXPR",
-            help="Compute a column from the log's, e.g. 'v_front_V=(Vs-Vd)/2'. Repeatable.",
+            help="Compute a column of the recording from the log's columns, e.g. "
+            "'v_front_V=(Vs-Vd)/2'. Repeatable.",
         ),
     ] = None,
     columns: Columns = None,
@@ -58,14 +61,15 @@ def import_log(
             "--rate",
             metavar="HZ",
             min=1.0,
-            help="Keep the rows at this rate; voltages are averaged. It becomes loop.rate_hz.",
+            help="Reduce the log to this rate: drop rows, and average the voltages from each kept "
+            "row to the next. The recording's loop.rate_hz becomes this rate.",
         ),
     ] = None,
     force: Force = False,
 ) -> None:
     """Convert another program's log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
-    from heli3dof.cli.inputs import name_files
+    from heli3dof.cli.inputs import complete_import_command
     from heli3dof.errors import RecordingError, UsageError, quoted
     from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.info import summary
@@ -98,7 +102,7 @@ def import_log(
     try:
         recording = recording_of(logs, table)
     except RecordingError as error:
-        name_files(error, logs, profile, output, given)
+        complete_import_command(error, logs, profile, output, given)
         raise
     about = summary(recording)
     out.warn(*about["warnings"])

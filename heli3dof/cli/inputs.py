@@ -32,7 +32,7 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
         try:
             recording = load(path, used)
         except RecordingError as error:
-            name_files(error, [path], profile)
+            complete_import_command(error, [path], profile)
             raise
         for warning in recording.meta.get("warnings", ()):
             out.warn(f"{path.name}: {warning}")
@@ -43,14 +43,18 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
     return loaded
 
 
-def name_files(
+def complete_import_command(
     error: RecordingError,
     logs: Sequence[Path],
     profile: Path | None,
     output: Path | None = None,
     mapping: Mapping[str, str] | None = None,
 ) -> None:
-    """Complete the import command in the fix of an ``error``: the files, and the mapping so far."""
+    """Complete the command ``heli3dof import …`` that the message of ``error`` proposes.
+
+    The function inserts the files ``logs``, ``profile`` and ``output``, and an option ``--map`` for
+    each entry of ``mapping``: name of a column → expression that computes the column.
+    """
     from heli3dof.recording.atomic_write import stem
     from heli3dof.recording.logs.known_names import IMPORT, as_options
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class MonitorState:
     """Collects a rig's readings.
 
-    Keeps the last reading, the present rates (°/s), and of all readings the ranges of the angles
-    (°), the flags, and the largest lateness (s).
+    Keeps the last reading and the present rates (°/s). For all readings together, keeps the range
+    of each angle (°), every flag that was set, and the largest lateness (s).
     """
 
     def __init__(self) -> None:

@@ -65,13 +65,16 @@ class Output:
         return _console(no_color=bool(os.environ.get("NO_COLOR")) or None)
 
     def show(self, *results: RenderableType) -> None:
-        """Print tables or sentences on stdout, with ``--json`` on stderr; nothing if ``quiet``."""
+        """Print tables or sentences on stdout, or on stderr if ``--json`` is given.
+
+        Prints nothing if ``quiet``.
+        """
         if not self.quiet:
             for each in results:
                 self.out.print(each, soft_wrap=isinstance(each, str))
 
     def note(self, *texts: str) -> None:
-        """Print sentences on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
+        """Print sentences, such as "Written: rig.toml", on stderr. Print nothing if ``quiet``."""
         if not self.quiet:
             for text in texts:
                 self.err.print(text, soft_wrap=True)
@@ -232,9 +235,9 @@ COMMON = tuple(inspect.signature(_common_options, eval_str=True).parameters.valu
 
 
 def _explained(error: Exception) -> Heli3dofError | None:
-    """Return the error to print as a message; None if its traceback is to be printed instead.
+    """Return ``error`` as a message with cause and fix; None if Python must print its traceback.
 
-    That is so for a bug, if the environment variable `TRACEBACK` is set.
+    Python prints the traceback of a bug if the environment variable `TRACEBACK` is set.
     """
     if isinstance(error, Heli3dofError):
         return error

@@ -28,7 +28,8 @@ def plot(
             "-o",
             "--output",
             metavar="FILE",
-            help="The figure: .png, .svg or .pdf. Of several recordings, each adds its name.",
+            help="File of the figure: .png, .svg or .pdf. With several recordings, the command "
+            "writes one file for each, and adds the recording's name to FILE.",
         ),
     ] = None,
     force: Force = False,

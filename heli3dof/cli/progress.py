@@ -51,7 +51,7 @@ def fly_with_progress(
 
 @contextmanager
 def progress(out: Output, live: Live, name: str, profile: Profile) -> Iterator[None]:
-    """Context manager: shows a flight's progress; nothing with ``--quiet``.
+    """Context manager: shows a flight's progress. Shows nothing if ``out.quiet``.
 
     ``live``: the control loop's state; ``name``: the plan's name; ``profile``: the rig's profile.
     """

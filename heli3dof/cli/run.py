@@ -192,10 +192,14 @@ def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
 
 
 def fly_one(
-    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int, how: str = ""
+    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int, remark: str = ""
 ) -> Recording:
-    """Fly a plan as one of several, and return its recording; ``how``: an addition to the note."""
-    out.note(f"Flying {plan.name}, {plan.duration_s:g} s{how} …")
+    """Fly a plan, record it to the file ``path``, and return the recording.
+
+    Unlike `fly`, prints no summary, and raises an exception if the flight does not complete the
+    plan. ``remark``: text to append to the note that is printed before the flight.
+    """
+    out.note(f"Flying {plan.name}, {plan.duration_s:g} s{remark} …")
     flight = fly_with_progress(out, plan, profile, device, seed, path)
     flight.raise_if_cut_short()
     return flight.recording

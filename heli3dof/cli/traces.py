@@ -54,7 +54,7 @@ class Traces:
         self._points.append(array("d", (t, *angle_deg, *reference_deg)))
 
     def draw(self, heads: Sequence[str], width: int) -> list[Text]:
-        """Return the lines to print: for each axis its line in ``heads``, then its trace.
+        """Return the lines to print: for each axis a heading from ``heads``, then the axis's trace.
 
         ``width``: characters of a line.
         """
@@ -69,7 +69,7 @@ class Traces:
             angle, reference = [p[1 + i] for p in points], [p[4 + i] for p in points]
             low, high = scale([*angle, *reference])
             lines.append(Text(minus(head)))
-            trace = drawn(x, levels(angle, low, high), levels(reference, low, high), dots // 2)
+            trace = drawn(x, dot_rows(angle, low, high), dot_rows(reference, low, high), dots // 2)
             trace[0] = Text(minus(f"{high:+7.1f}° "), "dim") + trace[0]
             trace[-1] = Text(minus(f"{low:+7.1f}° "), "dim") + trace[-1]
             lines += [trace[0], *(Text(" " * LABEL) + line for line in trace[1:-1]), trace[-1]]
@@ -88,8 +88,11 @@ def scale(values: Sequence[float]) -> tuple[float, float]:
     return low - missing / 2, high + missing / 2
 
 
-def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
-    """Return each value's row of dots: 0 (top) for ``high``, last row for ``low``; None for NaN."""
+def dot_rows(values: Sequence[float], low: float, high: float) -> list[int | None]:
+    """Return, for each value, the index of the row of dots that shows it; None for NaN.
+
+    Row 0, the top, shows ``high``; the bottom row shows ``low``.
+    """
     last = 4 * ROWS - 1
     return [None if v != v else round((high - v) / (high - low) * last) for v in values]
 
@@ -99,7 +102,8 @@ def drawn(
 ) -> list[Text]:
     """Return `ROWS` lines of ``width`` braille characters that show an angle and its reference.
 
-    ``x``: columns of dots; ``angle``, ``reference``: the rows of dots at these columns.
+    ``x``: for each point, the index of its column of dots. ``angle``, ``reference``: for each
+    point, the index of the row of dots that shows the value; None for a missing value.
     """
     from rich.text import Text
 

@@ -56,7 +56,11 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """As `raise_if_cut_short`; ``path``: the recording's file, None if there is none."""
+        """Raise an exception if the flight with this outcome did not complete its plan.
+
+        `raise_if_cut_short` lists the exceptions. ``path``: the recording's file, for the
+        exceptions' messages; None: no file.
+        """
         is_gone = path is not None and not path.exists()
         kept = f"; the recording is kept in {path}" if path else ""
         if is_gone:
@@ -120,11 +124,15 @@ def fly_plan(
     receives the progress. Before arming the rig, the function calls ``opened`` with the rig's
     identity, and ``warn`` with each warning.
 
-    Returns the flight however it ended (see `Flight.raise_if_cut_short`). If its file is gone,
-    raises how the flight ended instead, or RecordingError if it was completed. If the flight did
-    not start, raises PlanError, UnstableLoop, DeviceError, OutputExists or UsageError. Raises
-    SafetyTrip if an emergency stop came after this program or call began
-    (`heli3dof.rig.session.stop_stamp`).
+    Returns the flight even if the flight did not complete its plan (`Flight.raise_if_cut_short`).
+    If the file ``output`` was moved or deleted in flight, the function cannot return the flight. It
+    then raises RecordingError if the plan was completed, else the exception that
+    `Flight.raise_if_cut_short` would raise. It raises that exception also if the flight ended
+    before its first row was recorded.
+
+    If the flight did not start, raises PlanError, UnstableLoop, DeviceError, OutputExists or
+    UsageError. Raises SafetyTrip if an emergency stop came after the start of this program, or in
+    an interactive interpreter after this call (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     if output is not None:

@@ -99,7 +99,10 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add a sample taken at ``device_s`` s; return how many instants before had no sample."""
+        """Add a sample; return how many sampling instants since the previous sample have no sample.
+
+        ``device_s``: when the sample was taken, in s on the device's clock.
+        """
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

@@ -79,7 +79,7 @@ class Envelope:
                     _TOO_FAR,
                     f"{_CHECK_SIGNS}: a smaller reference, or limits.{limit} if the rig has "
                     "the room",
-                    by_motion=True,
+                    may_be_wiring_fault=True,
                 )
             if not abs(rate[i]) <= self._rate[i]:
                 return Trip(
@@ -89,7 +89,7 @@ class Envelope:
                     "is too fast.",
                     f"{_CHECK_SIGNS}: a smaller step, a slower reference, or "
                     f"limits.{AXES[i]}_rate_max_deg_per_s",
-                    by_motion=True,
+                    may_be_wiring_fault=True,
                 )
         # After skipped periods the voltage has had longer to change.
         elapsed = max(self._dt, t - self._t)

@@ -22,7 +22,7 @@ _STEP = log(1 + RATIO)
 
 
 class Histogram:
-    """Counts times (s) in bins, from which `quantile_s` returns quantiles."""
+    """Histogram of durations in s, in logarithmic bins. `quantile_s` returns its quantiles."""
 
     def __init__(self) -> None:
         self.counts = array("Q", bytes(8 * BINS))

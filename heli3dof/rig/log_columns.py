@@ -4,7 +4,7 @@ Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, refer
 before the limiter, and voltages that the experiment adds. Every name ends in its unit; the ending
 of an angle is ``_deg`` or ``_rad``.
 
-The profile's table ``[log]`` (`LogColumns`) states how to compute these columns from those of
+The profile's table ``[log]`` (`LogColumns`) states how to compute these columns from the columns of
 another program's log.
 """
 
@@ -34,13 +34,14 @@ ORDERED = (
 )
 VOLTAGE_COLUMNS = frozenset(f.format(motor) for f in VOLTAGES.values() for motor in MOTORS)
 KNOWN = frozenset(ORDERED)
-"""Every column name of the contract; an angle has one for degrees and one for radians"""
+"""All names of columns that the contract fixes; an angle has one for degrees and one for radians"""
 
 
 class LogColumns(Section):
     """The profile's table ``[log]``, which describes how to read another program's log.
 
-    It maps contract columns (`KNOWN`) to expressions in the columns of that log.
+    A key is the name of a column of a recording, one of `KNOWN`. Its value is the expression that
+    computes this column from the other log's columns, such as ``v_front_V = "(Vs-Vd)/2"``.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -62,5 +63,5 @@ class LogColumns(Section):
 
     @property
     def expressions(self) -> Mapping[str, str]:
-        """Return the mapping from contract column to expression, in the order of the profile."""
+        """Return {column of a recording: expression that computes it}, in the profile's order."""
         return dict(self.__pydantic_extra__)

@@ -161,7 +161,10 @@ def padded(part: Mapping[str, Any]) -> bytes:
 
 
 def sealed_rig(rig: HiddenRig) -> str:
-    """Return ``rig``, encrypted with `FLYING_KEY`, in base64: the exercise file's key ``rig``."""
+    """Return ``rig`` as text: encrypted with `FLYING_KEY`, then coded in base64.
+
+    An exercise file stores this text in its field ``rig``.
+    """
     check_nacl()
     from nacl.secret import SecretBox
 

@@ -50,7 +50,7 @@ def calibrate(
 
     ``angles_deg``: roll, pitch and yaw at which the rig stands, in degrees; None: the axis is at
     its rest angle. ``device``: the rig's URL. Raises SafetyTrip if the rig is armed, CheckFailed if
-    it moved.
+    the rig moved.
     """
     columns = list(zip(*_readings(rig, seconds), strict=True))
     per_count = profile.encoder.rad_per_count
@@ -81,7 +81,7 @@ def calibrate(
 
 
 def _readings(rig: Rig, seconds: float) -> Iterator[Counts]:
-    """Yield the encoder counts of a rig over ``seconds`` s. Raises SafetyTrip if it is armed."""
+    """Yield the encoder counts of a rig for ``seconds`` s. Raises SafetyTrip for an armed rig."""
     until = time.monotonic() + seconds
     while True:
         sample = rig.read()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-from heli3dof.cli.traces import LABEL, ROWS, WINDOW_S, Traces, drawn, levels, scale
+from heli3dof.cli.traces import LABEL, ROWS, WINDOW_S, Traces, dot_rows, drawn, scale
 
 
 def text_of(traces: Traces, axis: int, width: int = 30) -> list[str]:
@@ -13,7 +13,7 @@ def text_of(traces: Traces, axis: int, width: int = 30) -> list[str]:
 
 
 def test_the_highest_angle_is_in_the_top_row_of_dots() -> None:
-    assert levels([0.0, 1.0, nan, 0.5], 0.0, 1.0) == [15, 0, None, 8]
+    assert dot_rows([0.0, 1.0, nan, 0.5], 0.0, 1.0) == [15, 0, None, 8]
 
 
 def test_one_dot_is_one_bit_of_a_braille_character() -> None:

@@ -2,8 +2,9 @@
 
 - Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
   two flanks is in contact.
-- Offset: reading = angle + offset, because the counts were zeroed at a wrong angle. The specified
-  initial angles and the table's roll angle are readings: the true angles are lower by the offset.
+- Offset: reading = angle + offset, because the counts were zeroed at a wrong angle. The emulated
+  rig's initial angles, and the roll angle at which the arm lies on the table, are specified as
+  readings. So the simulated true angles are these angles minus the offset.
 - Scale: reading = rest + k (angle − rest), because the encoder's number of lines is wrong. k is the
   scale, rest the angle at which the counts are zero.
 """

@@ -11,9 +11,10 @@ controller's computing time.
 
 A command is **unacknowledged** if the sample at the end of its control period does not echo it.
 Such a command was lost, was refused, or has not arrived yet. A command was **never echoed** if a
-later command was echoed first, or if more commands than ever before were without an echo when the
-flight ended. Both kinds of command are counted while the device is enabled; a stopped device
-refuses every command.
+later command was echoed first. At the end of a flight, n commands may still be without an echo.
+They count as never echoed if n is larger than the number just after any earlier echo in this
+flight: the device has then stopped echoing. Both kinds of command are counted while the device is
+enabled; a stopped device refuses every command.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ class EchoMeter:
         self.latency = Histogram()
         self.commands = self.unacknowledged = self.never_echoed = 0
         self._pending = self._most_pending = 0
-        """Number of commands without an echo: now, and at most when a new echo came"""
+        """Number of commands without an echo: the present one (`_pending`), and its largest value
+        just after a new echo (`_most_pending`)"""
         self.last_s = 0.0
         """s: latency of the newest command that the last sample echoes; 0 without a new echo"""
 

@@ -213,7 +213,7 @@ class _Flight:
         the system granted; None on a virtual clock.
         """
         detail, tally = end.detail, self.tally
-        if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
+        if end.ending == "tripped" and isinstance(detail, Trip) and detail.may_be_wiring_fault:
             from heli3dof.experiment.safety_monitors.wiring_fault import Moment, with_cause
 
             with suppress(Exception):  # a failed search must not lose the trip
@@ -312,7 +312,11 @@ class _Flight:
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair,
         ramping_down: bool = False,
     ) -> str | None:  # fmt: skip
-        """Return the first report of a safety monitor on the period with index k, or None."""
+        """Let the safety monitors judge the control period with index ``k`` in the plan.
+
+        Returns the first report, which states why the flight must end, or None. `Period` describes
+        the other arguments.
+        """
         if not self.monitors:
             return None
         exchange, time = self.exchange, self.exchange.time
@@ -327,7 +331,11 @@ class _Flight:
         return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """As `judge`, in the ramp to zero; ``voltage``: that sent before this ``sample`` (V)."""
+        """Let the safety monitors judge one period of the ramp to zero at the end of the flight.
+
+        Returns a report, which states why to end the ramp early, or None. ``voltage``:
+        voltages (front, back) in V that were sent before ``sample`` was taken.
+        """
         t = sample.device_time_s - self.t0
         k = len(self.reference)
         return self.judge(k, t, sample, self.angle(sample), voltage, voltage, True)

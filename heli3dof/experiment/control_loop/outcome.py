@@ -132,15 +132,20 @@ class Tally:
         """Return the largest delay of a sample after its deadline, in s."""
         return self.lateness.worst_s
 
-    def count(self, time: VirtualDeadlines, turnaround: float) -> None:
-        """Add a control period: lateness and skipped periods in ``time``, computing time (s)."""
-        if time.lateness > LATE_S:
+    def count(self, deadlines: VirtualDeadlines, computing_s: float) -> None:
+        """Add one control period to the counts.
+
+        ``deadlines``: contains the lateness of the period's last sample, and how many periods were
+        skipped before this sample. ``computing_s``: s from a sample's arrival to sending the
+        command that was computed from this sample.
+        """
+        if deadlines.lateness > LATE_S:
             self.late += 1
-        self.missed += time.missed
-        self.lost += time.lost
-        self.device_skipped += time.device_skipped
-        self.lateness.add(time.lateness)
-        self.turnaround.add(turnaround)
+        self.missed += deadlines.missed
+        self.lost += deadlines.lost
+        self.device_skipped += deadlines.device_skipped
+        self.lateness.add(deadlines.lateness)
+        self.turnaround.add(computing_s)
 
     def punctuality(self) -> Punctuality | None:
         """Return quantiles of lateness and computing time in s; None if no period was counted."""

@@ -65,11 +65,14 @@ class StopSignals:
 
 @contextmanager
 def stop_signals() -> Iterator[StopSignals]:
-    """Context manager: catch the signals of `SIGNALS` in its block; none outside the main thread.
+    """Context manager: catch the signals of `SIGNALS` in its block; yields the signals received.
 
-    A signal that was ignored when the program started (SIGHUP under nohup) stays ignored. At the
-    block's end, the function restores the previous handlers. If a signal has come, it does not
-    restore `interrupt`, but ignores further signals.
+    Outside the main thread, Python permits no signal handlers, so nothing is caught. A signal that
+    was ignored when the program started (SIGHUP under nohup) stays ignored.
+
+    The end of the block restores the previous signal handlers, with one exception. If a signal was
+    caught, the process ignores, from then on, each signal whose previous handler was `interrupt`
+    (which raises KeyboardInterrupt).
     """
     received = StopSignals()
     before = {}

@@ -1,26 +1,33 @@
-"""Keeps a flight's deadlines, and measures how late each sample is and what was skipped.
+"""Keeps a flight's deadlines; measures how late each sample is and which periods were skipped.
 
-Deadlines due[k] of the samples k are absolute: due[k+1] = due[k] + dt, in s.
+A control period is skipped if the loop has no sample for it. There are three kinds:
 
-=========  ==============================  ====================================================
-timebase   deadline of sample k            skipped periods
-=========  ==============================  ====================================================
-host       due[k]: the host's request      missed: ⌊lateness / dt⌋ before a late sample
-device     by the device's clock, mapped   those that the link counted, or the jump of the
-           to the host's (`ClockOffset`)   device's time in periods (`Instants`)
-virtual    its arrival                     none
-=========  ==============================  ====================================================
+* **missed**: the host requested or read the sample too late
+* **lost**: the device took the sample, but the sample never arrived
+* **device-skipped**: the device was busy and took no sample
 
-A link that numbers its samples counts three kinds of skipped period in ``rig.statistics``:
+Each sample k has an absolute deadline due[k] in s, where due[k+1] = due[k] + dt. The clock that
+paces the rig (``Identity.timebase``) determines the deadlines:
 
-* ``lost``: the device made a sample that never arrived
-* ``device_skipped``: the device was busy and made no sample
-* ``samples_stale``: the sample was outdated when read; its period counts as missed. After more than
-  `OVERFLOW` of them, samples that are lost as well count as missed: the input buffer was full
+=========  ==========================================  =========================================
+timebase   due[k]                                      skipped periods
+=========  ==========================================  =========================================
+host       when the host should request sample k       ⌊lateness / dt⌋ before a late sample, all
+                                                       of them missed
+device     when sample k should arrive, estimated      see below
+           from the device's clock (`ClockOffset`)
+virtual    when sample k arrives                       none
+=========  ==========================================  =========================================
 
-Over any other link, the jump of the device's time gives the number of skipped periods. If the link
-counts lost samples, its count is the number of lost periods. If it does not, the skipped periods
-that were due after the host began to wait are lost. The other skipped periods are missed.
+With the device timebase, a link that numbers its samples counts all three kinds in
+``rig.statistics``: ``lost``, ``device_skipped``, and for missed periods ``samples_stale`` (samples
+that were outdated when the host read them). If more than `OVERFLOW` samples were stale at once, the
+host's input buffer was full. The host has then also caused the losses in the same interval, so the
+lost periods of this interval count as missed.
+
+For any other link, the jump of the device's time gives the number of skipped periods (`Instants`).
+If the link counts lost samples, as many of these periods are lost. If it does not, the skipped
+periods that were due after the host began to wait are lost. The other skipped periods are missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a
@@ -38,8 +45,8 @@ from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.link_counters import attribute_of
 
 OVERFLOW = 64
-"""Samples that every input buffer holds: 4096 bytes of a pseudo-terminal at 49 bytes each, less a
-margin. A host that left more of them unread may have lost the next ones itself"""
+"""Number of samples that fit into any input buffer: 4096 bytes of a pseudo-terminal, at 49 bytes
+each, minus a margin. If a host leaves more samples unread, the buffer may lose the next samples"""
 Skipped = Callable[[], tuple[int, int, int]]
 """Returns the link's counters ``lost``, ``device_skipped`` and ``samples_stale``, in this order"""
 
@@ -95,7 +102,7 @@ class HostDeadlines(VirtualDeadlines):
 class DeviceDeadlines(VirtualDeadlines):
     """Deadlines for a rig whose device sends sample k at time k·dt of the device's clock.
 
-    ``lost``: returns how many samples the link has lost so far; None for a link without a count.
+    ``lost``: returns how many samples the link has lost so far; None if the link does not count.
     """
 
     def __init__(self, dt: float, lost: Callable[[], int] | None = None) -> None:
@@ -129,7 +136,7 @@ class DeviceDeadlines(VirtualDeadlines):
 
 
 class CountedDeadlines(DeviceDeadlines):
-    """Deadlines for a rig whose link counts skipped samples by cause (lost, not taken, late)."""
+    """Deadlines for a rig whose link counts lost, device-skipped and stale samples separately."""
 
     def __init__(self, dt: float, skipped: Skipped) -> None:
         super().__init__(dt)
@@ -150,7 +157,11 @@ class CountedDeadlines(DeviceDeadlines):
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualDeadlines:
-    """Return the deadlines for the timebase of ``rig``; ``dt``: control period in s."""
+    """Return a new object that computes the deadlines and skipped periods of a flight on ``rig``.
+
+    Its class depends on the clock that paces the rig (``Identity.timebase``), and on what the
+    rig's link counts. ``dt``: control period in s.
+    """
     if rig.identity.timebase == "host":
         return HostDeadlines(dt)
     if rig.identity.timebase == "virtual":

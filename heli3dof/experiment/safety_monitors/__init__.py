@@ -5,7 +5,7 @@ stored in the recording and ends the flight, with a ramp to zero or without
 (`SafetyMonitor.stop_without_ramp`). No monitor changes a command. Limits: the profile's
 ``[limits]``.
 
-`monitor_classes` returns the monitors in the order in which they judge a period;
+The loop calls the monitors of a flight one after another, in the order of `monitor_classes`;
 docs/reference/safety.md states how a flight ends after each report.
 """
 
@@ -24,7 +24,7 @@ class SafetyMonitor(ABC):
     """Base class of safety monitors, which judge every control period of one flight."""
 
     order: ClassVar[int]
-    """The monitors judge a period in ascending ``order``; the first report ends the flight."""
+    """The loop calls the monitors in ascending ``order``; the first report ends the flight."""
 
     @abstractmethod
     def __init__(self, profile: Profile) -> None: ...
@@ -48,7 +48,7 @@ class SafetyMonitor(ABC):
 
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
-    """Return this package's subclasses of `SafetyMonitor`, in the order in which they judge."""
+    """Return this package's subclasses of `SafetyMonitor`, in ascending `SafetyMonitor.order`."""
     found = {
         value
         for module in modules_of(__name__)

@@ -1,19 +1,23 @@
 """Detects an encoder whose count stays constant although its axis must be turning.
 
-While a count stays constant, a model of the axis is simulated from the observer's state at the last
-change of the count (`heli3dof.experiment.safety_monitors.axis_observer`). The model has more dry
-friction than the axis has shown so far in this flight. So the real axis turns at least as far as
-the model::
+While a count stays constant, the monitor simulates a model of the axis. The simulation starts from
+the state that an observer had estimated at the last change of the count
+(`heli3dof.experiment.safety_monitors.axis_observer`). The model has more dry friction than the axis
+has shown so far in this flight. So the real axis turns at least as far as the model::
 
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
-ω: the model's rate; α: the expected acceleration under the voltages at the motors; b: the mean of
-the unmodelled acceleration that the observer estimates; f: dry friction; F: its part estimated
-below. The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is
-reported as frozen when the model has turned further than the clearance C.
+ω is the model's rate. α is the expected acceleration under the voltages at the motors. The observer
+also estimates the unmodelled acceleration, the measured one minus α; b is its mean. f is the dry
+friction divided by the inertia. Its part F is estimated as described below. The part 0.25 |α + b|
+covers an error of thrust or inertia by a quarter.
+
+The monitor reports the encoder as frozen when the model has turned by more than the clearance C. C
+is an angle that the model may turn while a working encoder's count stays constant, because of
+backlash and delay.
 
 F starts at the largest dry friction of known rigs, C at 1.2°, which exceeds the backlash of known
-rigs. F and C are then estimated from the axis's own motion:
+rigs. The monitor then estimates F and C from the axis's own motion:
 
 * The unmodelled accelerations in upward and in downward motion differ by 2 F₀, whatever b is. F₀ is
   the axis's own friction. After half a second in each direction F = F_min + 3 |F₀|. The constant
@@ -22,17 +26,17 @@ rigs. F and C are then estimated from the axis's own motion:
   of α after which the axis turned back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved.
   The stored deviation decays to 1/e in `PEAK_S` seconds.
-* Before the axis turns back, its count stays constant while the model turns by an angle s
-  (backlash, delay). C is at least twice the largest recent s, plus 3 counts.
+* Let s be the largest angle that the model turned during one standstill of the count, between two
+  reversals of the axis. C is at least twice the largest recent s, plus 3 counts.
 
-A flight may begin while the arm still falls after the last flight, at an unknown rate. The rate
-is also unknown after a gap of samples. No axis in the air is judged until the observer has found
-its rate (`SETTLING`).
+A flight may begin while the arm still falls after the last flight. Then the observer does not know
+the arm's rate. The observer does not know the rate after a gap of samples, either. In the air, the
+monitor judges no axis until the observer has found the rate (`SETTLING`).
 
-On the table friction may hold pitch and yaw, so they are not judged. Roll is judged there only
-under a thrust that lifts every known rig. For an axis that the motors push against its mechanical
-stop, the report names the stop, not the encoder. During the ramp to zero such an axis is not
-reported.
+On the table, friction may hold pitch and yaw, so the monitor does not judge them there. It judges
+roll there only under a thrust that lifts every known rig. If the motors push an axis against its
+mechanical stop, the report names the stop, not the encoder. During the ramp to zero the monitor
+does not report such an axis.
 
 There was no false alarm in 10 h of emulated flight, half in hover and half in plan `rich`. The
 rigs' parameters differed by up to 15 % from the profile. Detection times are in
@@ -93,19 +97,22 @@ MOST_FRICTION = (0.35, 1.0, 1.0)
 """Largest friction of known rigs (roll, pitch, yaw) / `ExpectedAcceleration.typical`"""
 
 
-def frozen_trip(axis: int, what: str, *, by_motion: bool = False, invalid_s: float = 0.0) -> Trip:
-    """Return the trip for a frozen encoder on ``axis`` (0 roll, 1 pitch, 2 yaw).
+def frozen_trip(
+    axis: int, what: str, *, may_be_wiring_fault: bool = False, invalid_s: float = 0.0
+) -> Trip:
+    """Return the `Trip` for a frozen encoder on ``axis`` (0 roll, 1 pitch, 2 yaw).
 
-    ``what`` describes the evidence. ``by_motion``: True if the motion before the trip may reveal a
-    wiring fault as its cause. ``invalid_s``: for how long before the trip, in s, the encoder was
-    frozen in the air, so that its angles are invalid.
+    ``what``: describes the evidence. ``may_be_wiring_fault``: True if a wiring fault, such as
+    swapped motor leads, may have caused the trip. ``invalid_s``: the encoder's angles in the last
+    ``invalid_s`` seconds before the trip are invalid, because it was frozen while the arm was in
+    the air.
     """
     return Trip(
         what,
         "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
         "shaft; or something holds the axis.",
         f"heli3dof monitor and turn {AXES[axis]} by hand: does its angle follow?",
-        by_motion=by_motion,
+        may_be_wiring_fault=may_be_wiring_fault,
         invalid_s=invalid_s,
     )
 
@@ -172,36 +179,40 @@ class FrozenEncoder(SafetyMonitor):
                 "control was lost: the sign of an encoder, the sign or the order of the motors' "
                 "leads, or a motor that does not pull.",
                 f"heli3dof monitor and turn {name} by hand: does its angle follow, with its sign?",
-                by_motion=True,
+                may_be_wiring_fault=True,
             )
         what = (
             f"the {name} encoder's count stood at {axis.count} for {seconds:.2g} s while the "
             f"voltages turned the axis by {degrees(abs(axis.moved)):.2g}° at least"
         )
         if self._airborne:
-            return frozen_trip(i, what, by_motion=True, invalid_s=seconds)
+            return frozen_trip(i, what, may_be_wiring_fault=True, invalid_s=seconds)
         return Trip(
             f"{what}, with the arm on the table",
             "no motor pulls (supply, fuse, plug), one does not, something holds the arm, or the "
             "encoder is frozen.",
             "check the amplifier's supply and fuses with both rotors free; then heli3dof monitor "
             "and turn roll by hand: does its angle follow?",
-            by_motion=True,
+            may_be_wiring_fault=True,
         )
 
 
 class _Axis:
-    """State of one axis: motion observer, estimates of friction F and clearance C, standstill.
+    """Computes how far one axis must have turned since the last change of its encoder's count.
 
-    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: upper limit of F in rad/s²,
-    the largest friction of known rigs.
+    The object contains the observer of the axis's motion and estimates of two numbers. F is the dry
+    friction divided by the inertia (rad/s²). The clearance C is an angle (rad) that the axis may
+    turn while a working encoder's count stays constant.
+
+    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``largest_f``: upper limit of F in rad/s².
     """
 
-    def __init__(self, i: int, q: float, most: float) -> None:
+    def __init__(self, i: int, q: float, largest_f: float) -> None:
         self._observer = AxisObserver(BANDWIDTH[i])
-        self._q, self._most, self._f_min = q, most, F_MIN[i]
+        self._q, self._largest_f, self._f_min = q, largest_f, F_MIN[i]
         self._moving, self._rate_error = MOVING * q, RATE_ERROR[i] * q
-        self._by_turns = most
+        self._f_of_turns = largest_f
+        """rad/s²: upper limit of F from the changes of α after which the axis turned back"""
         self._peak = self._peak_now = 0.0
         """rad/s²: largest deviation of the unmodelled acceleration from b until the last change of
         the count (`_peak`), and since then (`_peak_now`)"""
@@ -215,9 +226,9 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad) and ``count``.
+        """Restart the observer at rest, at ``angle`` (rad) and encoder ``count``.
 
-        The estimates of friction F and clearance C remain.
+        The estimates of the dry friction F and the clearance C do not change.
         """
         self._observer.restart(angle)
         self.count = count
@@ -229,10 +240,10 @@ class _Axis:
         self._begin_standstill()
 
     def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update the motion observer by a sample, without judging the encoder.
+        """Update the motion observer with a sample, without judging the encoder.
 
-        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``,
-        ``angle``: the encoder's count, and its angle in rad.
+        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``:
+        the encoder's count; ``angle``: the encoder's angle in rad.
         """
         self._observer.step(h, alpha, angle)
         self.count = self._extreme = count
@@ -250,11 +261,11 @@ class _Axis:
         self._friction = self._estimated_friction()
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Update the state of roll by a sample, taken while the arm is near its rest angle.
+        """Update this object, for roll, with a sample taken while the arm is near its rest angle.
 
-        ``h``: s since the last sample; ``count``, ``angle``: the encoder's count, and its angle in
-        rad. ``lift``: in rad/s², the roll acceleration due to the present thrust minus the thrust
-        that lifts every known rig from the table.
+        ``h``: s since the last sample; ``count``: the encoder's count; ``angle``: the encoder's
+        angle in rad. ``lift``: roll acceleration in rad/s², caused by the excess of the present
+        thrust over the thrust that lifts every known rig from the table.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -264,12 +275,16 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update this axis' state by a sample taken while the arm is in the air, as in `settle`."""
+        """Update this object with a sample taken while the arm is in the air.
+
+        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``:
+        the encoder's count; ``angle``: the encoder's angle in rad.
+        """
         observer = self._observer
         observer.step(h, alpha, angle)
         self._peak -= self._peak * h / PEAK_S
         if self.still_s < LIVE_S:
-            self._observe(h, observer.rate, observer.unmodelled)
+            self._add_unmodelled(h, observer.rate, observer.unmodelled)
         self._range_of_drive(h, alpha)
         if count != self.count:
             self._count_changed(count)
@@ -299,8 +314,13 @@ class _Axis:
             if abs(self.moved) > self._swing:
                 self._swing = abs(self.moved)
 
-    def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update b and F by the observer's ``rate`` ω (rad/s) and ``unmodelled`` acceleration."""
+    def _add_unmodelled(self, h: float, rate: float, unmodelled: float) -> None:
+        """Update the statistics of the unmodelled acceleration: mean, largest deviation, sums.
+
+        The unmodelled acceleration (rad/s²) is the observed one minus the expected one. It is
+        summed separately for each direction of motion; the two sums give the dry friction.
+        ``h``: s since the last sample; ``rate``: the axis's observed rate in rad/s.
+        """
         self._bias_s += h
         over_s = self._bias_s if self._bias_s < BIAS_S else BIAS_S
         self._bias += (unmodelled - self._bias) * h / over_s
@@ -313,8 +333,8 @@ class _Axis:
             self._direction_s[up] += h
 
     def _estimated_friction(self) -> float:
-        """Return F in rad/s² from the motion so far."""
-        friction = min(self._most, self._by_turns)
+        """Return an estimate of (dry friction)/(inertia) in rad/s², from the motion so far."""
+        friction = min(self._largest_f, self._f_of_turns)
         down_s, up_s = self._direction_s
         if down_s > KNOWN_S and up_s > KNOWN_S:
             f0 = 0.5 * (self._direction[0] / down_s - self._direction[1] / up_s)
@@ -339,16 +359,17 @@ class _Axis:
         self._begin_standstill()
 
     def _turn(self, count: int) -> None:
-        """Update friction F and clearance C after the axis turned back by two counts, to ``count``.
+        """Update the limits of dry friction F and clearance C after the axis has turned back.
 
-        Turning back by one count would prove nothing, because it may be a limit cycle.
+        It has turned back by two counts, to ``count``. One count would prove nothing, because a
+        limit cycle on one count may cause it.
         """
         if self._way and self._high >= self._low:
             change = self._high - self._low
             if change < self._smallest[-1]:
                 self._smallest[-1] = change
                 self._smallest.sort()
-                self._by_turns = max(self._f_min, self._smallest[-1])
+                self._f_of_turns = max(self._f_min, self._smallest[-1])
             self._largest = max(0.98 * self._largest, self._swing)
             self.clearance = max(CLEARANCE, 2.0 * self._largest + 3 * self._q)
             self._low = self._high = self._last_mean

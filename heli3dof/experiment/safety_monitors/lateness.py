@@ -1,14 +1,16 @@
-"""Detects samples that come too late, by a busy host, a slow link or a slow device.
+"""Detects samples that come too late because of a busy host, a slow link or a slow device.
 
 A sample is late if it came more than ``late_max_s`` after its deadline. The monitor ends the flight
 if more than the fraction ``late_max_share`` of the last second's samples is late. Periods skipped
 just before a late sample count as late samples, too, but not those that the device skipped.
 
-A busy host delays some commands, a slow link or device delays all of them. So the report blames the
-link or the device if the 10 % quantile of the command-to-echo latencies exceeds `SLOW_PERIODS`
-control periods. The quantile is over the latencies of the last ``late_max_share`` · 1 s. A link
-that becomes slow ends the flight after this time, so all these latencies are then slow. A latency
-counts for each period until the next echo, and for each period skipped just before its own.
+The command-to-echo latency is the time from sending a command to the first sample that echoes it. A
+busy host delays some commands; a slow link or device delays all of them. So the report blames the
+link or the device if the 10 % quantile of the latencies exceeds `SLOW_PERIODS` control periods.
+
+Each control period of the last ``late_max_share`` · 1 s, skipped ones included, contributes one
+value to this quantile: the latency of the command that was echoed last. A link that becomes slow
+ends the flight only after this time. So by then the quantile contains only values of the slow link.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Saturation(SafetyMonitor):
                         "the plan asks for more than the rig has, or a rotor does not pull.",
                         "check both rotors; then a smaller or slower step: heli3dof simulate "
                         "PLAN --model M shows the volts that it needs",
-                        by_motion=True,
+                        may_be_wiring_fault=True,
                     )
             elif t - self._last[i] > BREAK * self._longest_s:
                 self._since[i] = None

@@ -1,15 +1,20 @@
 """Detects an encoder whose count changed often in calm flight, but not in the ramp to zero.
 
-A calm axis still wanders by a count or two. Its standstills (the count is constant) end at random,
-at a rate λ, so the longest of N standstills is about L = (ln N)/λ. The probability that one of N
-standstills lasts longer than T is about N exp(−λ T). This probability is below ε if
+The ramp to zero ends every flight: the loop lowers the voltages of both motors to zero.
+
+A standstill is a time in which a count is constant. Even on a calm axis, the count wanders by one
+or two. The standstills end at random, at a rate λ, so the longest of N standstills is about
+L = (ln N)/λ. The probability that one of N standstills lasts longer than T is about N exp(−λ T).
+This probability is below ε if
 
     T > L (1 + ln(1/ε) / ln N)
 
-The monitor judges pitch and yaw during the ramp to zero while the arm is in the air, by standstills
-of two seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder
-shows this drift. The monitor does not report an axis that did not wander before the ramp, because
-dry friction may hold this axis. `FrozenEncoder` judges roll in the ramp, because the arm must fall.
+The monitor reports pitch or yaw if its count is constant for longer than T, and at least for two
+seconds, during the ramp to zero while the arm is in the air. In the ramp the loop is open, so these
+axes drift, and a working encoder shows this drift. The monitor does not report an axis that did not
+wander before the ramp, because dry friction may hold this axis. In the ramp the arm must fall, so
+a constant roll count shows a frozen encoder without this statistical test; `FrozenEncoder` reports
+it.
 """
 
 from __future__ import annotations
@@ -41,7 +46,10 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Safety monitor that trips if the pitch or yaw count is constant for too long in the ramp."""
+    """Safety monitor: trips if pitch's or yaw's count is constant too long in the ramp to zero.
+
+    The ramp to zero ends a flight: the loop lowers the voltages of both motors to zero.
+    """
 
     order = 60
 
@@ -106,9 +114,11 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """Return in s how long a working encoder's count may stay constant, at least `LEAST_S`.
+        """Return T in s, the longest time for which a working encoder's count may stay constant.
 
-        It is infinite until the axis has moved to and fro often enough to estimate T.
+        T is at least `LEAST_S`. T is infinite if too few standstills of the count or reversals of
+        the axis were observed to estimate T. T is also infinite if the count has not changed since
+        `restart`.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")

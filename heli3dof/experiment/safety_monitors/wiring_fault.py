@@ -1,31 +1,36 @@
 """Finds the single wiring fault that explains how the rig moved before a safety trip.
 
-Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not pull or
-turns the wrong way, and no motor that pulls. Each hypothesis H gives other accelerations α_H(t)
-from the same voltages and angles (`heli3dof.experiment.safety_monitors.axis_observer`). For each
-axis, over the last 0.4 s before control was lost (`WINDOWS_S`), the measured angle is fitted by
+Each hypothesis H is one fault: an encoder counts the wrong way, the leads of the two motors are
+swapped, one motor does not pull, one motor turns the wrong way, or neither motor pulls. From the
+same voltages and angles, each hypothesis predicts other accelerations α_H(t)
+(`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s before
+control was lost (the *window*, `WINDOWS_S`), the search fits to the measured angle
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
 θ₀, ω₀: initial angle and rate; s: scale factor of α_H; b ~ N(0, B²): an unmodelled
 acceleration (friction, a wrong hover voltage). v is the mean squared residual plus q²/12, the
-variance of quantisation (q: rad per count); n is the number of independent residuals. A
-hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A
-fault is reported only if its score exceeds that of a rig without fault by `SURE`, and every other
-fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
-of `WINDOWS_S`, up to 1.6 s.
+variance of quantisation (q: rad per count); n is the number of independent residuals. The score of
+a hypothesis is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²), summed over the axes that moved.
+`wiring_fault` reports a fault only if its score exceeds the score of a rig without fault by `SURE`,
+and the score of every other fault that is not rejected (see below) by `DISTINCT`. If no fault
+satisfies this, the test is repeated on longer windows, up to 1.6 s.
 
-A motor may fail at any time, but a wrong sign and wrong leads last the whole flight. So the motion
-before the window must not contradict them: in its parts of 0.4 s, the sum of their scores is at
-most `SURE` below that of a rig without fault. A roll reading above the table contradicts a wrong
-roll sign, since the arm would be below, and a motor that turns the wrong way, since the two thrusts
-would cancel. A fault is not reported if a contradicted one explains the window better by `SURE`.
+A motor may stop pulling at any time. Every other fault lasts the whole flight, so the earlier
+motion must agree with it. The search divides the motion before the window into parts of 0.4 s, and
+scores each part. It rejects a lasting fault in two cases:
 
-The windows end where the axes were last free to move: before pitch reached its stop, and before the
-arm came down on the table.
+* The sum of its scores over the parts is more than `SURE` below the sum for a rig without fault.
+* Roll has read more than 2° above its angle on the table, and the fault makes this impossible. With
+  a wrong roll sign, an arm above the table reads below it. With a motor that turns the wrong way,
+  the two thrusts cancel, so the arm does not rise.
 
-If an encoder froze in the air, the windows end at the last change of its count, because its later
-angles are wrong. A wrong sign or wrong leads also show in the motion before.
+The search reports no fault if a rejected fault explains the window far better: if its score is
+higher by `SURE` than the score of every other fault.
+
+The window ends before pitch reached its mechanical stop, and before the arm came down on the table,
+because these limit the motion. If an encoder froze in the air, the window ends at the last change
+of its count, because the later angles are wrong.
 
 One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
 have positive voltages, the roll encoder counts the wrong way.
@@ -149,8 +154,8 @@ def wiring_fault(
 ) -> Fault | None:
     """Return the wiring fault that explains the motion before a trip; None if none clearly does.
 
-    ``moments``: the last control periods before the safety trip. ``invalid_s``: duration in s,
-    before the trip, of invalid angles of a frozen encoder; they are not fitted.
+    ``moments``: the last control periods before the safety trip. ``invalid_s``: the angles of the
+    last ``invalid_s`` seconds are not fitted, because an encoder was frozen.
     """
     if len(moments) < SHORTEST:
         return None
@@ -169,7 +174,10 @@ def wiring_fault(
     normal = _accelerations(NORMAL, angle, applied, profile, expected)
 
     def scores(first: int, end: int) -> np.ndarray:
-        """Return each fault's score in the rows ``first`` to ``end``, less that of no fault."""
+        """Return the score of each fault minus the score of a rig without fault.
+
+        The scores are computed from the rows ``first`` to ``end`` − 1.
+        """
         windows = _windows(angle, profile, first, end)
         of = partial(_score, t, angle, windows=windows, profile=profile, unmodelled=unmodelled)
         return np.array([of(alpha) for alpha in accelerations]) - of(normal)
@@ -197,7 +205,7 @@ def wiring_fault(
 
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
     """Return ``trip`` with a wiring fault as its cause if the ``moments`` before it show one."""
-    fault = wiring_fault(moments, profile, trip.invalid_s) if trip.by_motion else None
+    fault = wiring_fault(moments, profile, trip.invalid_s) if trip.may_be_wiring_fault else None
     if fault is None:
         return trip
     return Trip(

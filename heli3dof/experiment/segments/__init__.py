@@ -46,7 +46,10 @@ class BaseSegment(Section):
     yaw_deg: Annotated[Finite | None, Key("yaw reference; if absent, unchanged", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
-        """Return the references (3,) in rad that this segment sets; ``before``: those before it."""
+        """Return the references (3,) in rad that this segment sets.
+
+        ``before``: references (3,) in rad at the end of the previous segment.
+        """
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
@@ -55,7 +58,7 @@ class BaseSegment(Section):
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return references (n, 3) in rad, and voltages (n, 2) in V to add to the controller's.
 
-        ``before``: references (3,) in rad at the end of the segment before. By default the
+        ``before``: references (3,) in rad at the end of the previous segment. By default the
         references jump to their new values, and no voltage is added.
         """
         return np.tile(self.target(before), (clock.n, 1)), np.zeros((clock.n, 2))
@@ -124,12 +127,15 @@ class FreeSegment(BaseSegment):
 
     @property
     def approach_s(self) -> float:
-        """Return the time in s in which the closed loop brings the axis to its initial state."""
+        """Return the time in s from the end of ``learn_s`` to the opening of the loop.
+
+        In this time the closed loop brings the axis to the state in which its free motion starts.
+        """
         raise NotImplementedError
 
     @property
     def free_s(self) -> float:
-        """Return how long the loop is open, in s."""
+        """Return for how long the loop is open, in s."""
         return max(0.0, self.duration_s - self.learn_s - self.approach_s)
 
     def opened(self, clock: Clock) -> np.ndarray:

@@ -19,7 +19,7 @@ from heli3dof.recording.logs.importer import Table
 from heli3dof.rig.log_columns import ANGLE_UNITS, KNOWN
 
 IMPORT = "heli3dof import …"
-"""Start of a suggested command; the command line completes it (`cli.inputs.name_files`)"""
+"""Start of a proposed command, which `cli.inputs.complete_import_command` completes"""
 TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "xvalue": "",
         "timems": "/1000", "tms": "/1000", "ms": "/1000", "milliseconds": "/1000"}  # fmt: skip
 TIME_UNITS = {"s": "", "ms": "/1000"}

@@ -26,7 +26,8 @@ from heli3dof.rig.url import parse_url
 def main(arguments: list[str] | None = None) -> int:
     """Run every case on one rig and print the results; return the exit code.
 
-    ``arguments``: words of the command line; None: those of this process.
+    ``arguments``: words of the command line; None: the words with which the user started this
+    process.
     """
     parser = argparse.ArgumentParser(
         prog="python -m heli3dof.rig.conformance",

@@ -44,7 +44,7 @@ class Host:
         return sample
 
     def send(self, v_front: float, v_back: float) -> Sample:
-        """Apply both motors' voltages (V) until the next deadline; return the sample then taken."""
+        """Apply both motors' voltages (V) until the next deadline; return the sample taken then."""
         self.sequence += 1
         self.due += self.dt * max(1, math.ceil((time.monotonic() - self.due) / self.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
@@ -124,8 +124,9 @@ def conforms(
 ) -> None:
     """Run one case on a device URL. Raises NotConforming, SkipTest, or the driver's own error.
 
-    ``profile``: the rig's profile; default: that of the paper's rig. ``moves``: True if the motors
-    may move; None: only if the rig is emulated. Keep people away from a real rig.
+    ``profile``: the rig's profile; default: the profile of the paper's rig. ``moves``: True if the
+    motors may move; None: they may move only if the rig is emulated. Keep people away from a real
+    rig.
     """
     bench = Bench(url, profile or default_profile(), moves)
     try:

@@ -1,4 +1,4 @@
-"""Tests requirements on a driver: finding rigs, URL options, checks, opening, emergency stop."""
+"""Test cases for a driver: finding rigs, URL options, checks, opening, emergency stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests requirements on an open rig: identity, clock, samples, voltages."""
+"""Test cases for a rig with an open connection: its identity, clock, samples and voltages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests how a rig reacts to a stop, missing commands, invalid voltages and closing."""
+"""Test cases for a rig's reaction to a stop, missing commands, invalid voltages and closing."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def traffic(armed: Armed) -> Check:
     fails if the last sample's output is not zero volts.
     """
     first = last = armed.arm()
-    counts_before = _missing(armed.rig)
+    counts_before = _missing_by_cause(armed.rig)
     came = 0
     until = time.monotonic() + SECONDS
     worst = 0.0
@@ -83,7 +83,7 @@ def traffic(armed: Armed) -> Check:
         return Check("zero volts", f"the output is {volts}; zero was commanded", False, fix)
     if due - came <= LOST_SHARE * due:
         return Check("traffic of the loop", found, True)
-    missing = {why: n - counts_before[why] for why, n in _missing(armed.rig).items()}
+    missing = {why: n - counts_before[why] for why, n in _missing_by_cause(armed.rig).items()}
     if not missing:
         fix = "see wake-up and round trip above: this computer or the line pauses"
         return Check("traffic of the loop", found, False, fix)
@@ -92,8 +92,11 @@ def traffic(armed: Armed) -> Check:
     return Check("traffic of the loop", f"{found}; {counted}" if counted else found, False, fix)
 
 
-def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return {cause: number of missing samples} of `WHERE`; {} if the link does not count each."""
+def _missing_by_cause(rig: StoppableRig) -> dict[str, int]:
+    """Return {cause: number of samples missing so far} for the three causes in `WHERE`.
+
+    The result is {} if the rig's link does not count the missing samples of every cause.
+    """
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}

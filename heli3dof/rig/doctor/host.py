@@ -1,6 +1,6 @@
 """Checks the computer: clock, wake-up latency, frequency governors, load, memory.
 
-Only `wake_up` uses the profile, the argument of each check.
+Each check is called with the rig's profile, but only `wake_up` uses the profile.
 """
 
 from __future__ import annotations

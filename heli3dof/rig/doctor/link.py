@@ -185,8 +185,9 @@ def rest_angles(opened: Opened) -> Check:
 
     The angles follow from the counts and the stored calibration. The check fails if an angle is
     outside the limits, which would end any flight in its first period. An angle more than
-    `ONE_TURN` outside shows a faulty counter. The result is undecided (``good`` None) if the
-    rest counts have a note (`RestCounts`), or if roll or pitch is over 3° from its rest angle.
+    `ONE_TURN` outside shows a faulty counter. The result is undecided (``good`` None)
+    if roll or pitch is more than 3° from its rest angle. It is also undecided if `RestCounts.note`
+    states a doubt about the calibration, e.g. that the device has restarted since.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts

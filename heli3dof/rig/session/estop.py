@@ -1,14 +1,15 @@
 """Stops rigs now, whichever process holds them.
 
-    first                →  store the stop's time: no program begun before can arm (`stop_stamp`)
+    first                →  store the stop's time: no program started before it can arm the rig
+                            (`stop_stamp`)
     running session      →  request the stop through its socket; the session confirms the stop
     no answer in 200 ms  →  directly: the driver stops the device although a process holds it
     no session           →  directly
 
-All requests are sent before any answer is read, so a hanging session delays no other. Then all rigs
-without a session are stopped in parallel: those that a driver finds, and those opened before.
-Nothing is sent to a port at which no rig is known (`heli3dof.rig.session.known_devices`), since
-another instrument may be there.
+A session is a process that uses a rig. All requests are sent before any answer is read, so a
+session that hangs delays no other. Then all rigs without a session are stopped in parallel: rigs
+that a driver finds, and rigs that were opened earlier. Nothing is sent to a port at which no rig is
+known (`heli3dof.rig.session.known_devices`), since another instrument may be there.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def is_known(device: str) -> bool:
 def remembered() -> Iterator[str]:
     """Yield each URL at which a rig was opened before, if the same device is connected there now.
 
-    The URLs are only those of drivers that cannot list every rig (`NamesPlaces`).
+    Only URLs of drivers that cannot list every rig (`NamesPlaces`) are yielded.
     """
     for place, device, _ in _lines():
         with suppress(Exception):  # a line from before 2026-11, or a driver that was removed

@@ -54,10 +54,12 @@ def open_rig(
 
     ``device``: the rig's URL. ``doing``: what the session does, for messages; default: the command
     line. ``also`` returns entries to add to the state that other processes read. ``began_ns``:
-    monotonic time in ns at which the program or call that moves the rig began
-    (`heli3dof.rig.session.stop_stamp`). The opened rig's counts are zero at its rest angles; its
-    ``rest.note`` states what the user should know about this zero. Raises DeviceError if the rig is
-    missing, not permitted, in use by another session, or without a serial number.
+    when the user started the program or the call that moves the rig, in ns on the monotonic clock
+    (default: `heli3dof.rig.session.stop_stamp.command_began_ns`). The opened rig's counts are zero
+    at its rest angles; its ``rest.note`` states what the user should know about this zero.
+
+    Raises DeviceError if the rig is missing, not permitted, in use by another session, or without a
+    serial number.
     """
     with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
         opened = open_driver(device, profile)

@@ -1,10 +1,11 @@
-"""Locates the folders of this user's sessions and calibrations, and names a device's files.
+"""Returns the folders of this user's sessions and calibrations, and file names for a device.
 
 - runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``heli3dof-UID`` in the folder of temporary files
-  (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and running sessions. Mode 0700, since
-  a reader of these files can stop a motor.
+  (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and running sessions. Its mode is 0700,
+  because a process that can read these files can stop the motors.
 - state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``, on Windows
-  ``%LOCALAPPDATA%\\heli3dof``: rest angles by serial number, and where rigs were opened.
+  ``%LOCALAPPDATA%\\heli3dof``: the encoder counts at rest of each serial number, and
+  the device URLs at which rigs were opened (`known_devices`).
 """
 
 from __future__ import annotations

@@ -1,16 +1,21 @@
 """`Session`: locks the rig that a process uses, and lets other processes stop or observe it.
 
-    locks    the port's, and the device's once it is identified (`heli3dof.rig.session.locks`)
-    socket   127.0.0.1, with a port and a key from the lock's holder file; one request per
-             connection, one line of JSON each way:
+A session holds two locks (`heli3dof.rig.session.locks`): one on the rig's port, and one on the
+device, once the device is identified.
 
-        {"key": "…", "do": "estop", "reason": "…"}   answered when the rig has been stopped
-        {"key": "…", "do": "state"}                  answered with what `Session.state` returns
+The session listens on a TCP socket at 127.0.0.1. It writes the socket's TCP port and a secret key
+to a file next to the lock (the lock's *holder file*), which only this user's processes can read. In
+each connection a client sends one request and receives one answer. Both are one line of JSON:
 
-A thread answers the requests; it sleeps until a request comes. The control loop reads
-`Session.stop_reason` in every period (`heli3dof.rig.session.stoppable_rig`), so that only one
-thread uses the rig. An emulated rig is private to its process: its port lock has the process
-identifier in its name, and it has no device lock.
+    {"key": "…", "do": "estop", "reason": "…"}   answered when the rig has been stopped
+    {"key": "…", "do": "state"}                  answered with what `Session.state` returns
+
+A thread of the session answers the requests; it sleeps until a request comes. This thread does not
+use the rig. The control loop reads `Session.stop_reason` in every period, and stops the rig if a
+reason is set (`heli3dof.rig.session.stoppable_rig`).
+
+An emulated rig is private to its process. So the name of its port's lock contains the process
+identifier, and it has no device lock.
 """
 
 from __future__ import annotations
@@ -48,10 +53,10 @@ _number = itertools.count()
 class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
-    ``private``: the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: monotonic time in ns at which the program or call that uses the rig
-    began (`heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if
-    another session holds the rig.
+    ``private``: True if the rig is emulated in this process. ``doing``: what the session does, for
+    messages. ``began_ns``: when the user started the program or the call that uses the rig, in ns
+    on the monotonic clock (default: `heli3dof.rig.session.stop_stamp.command_began_ns`). Raises
+    DeviceError, naming the other session, if another session holds the rig.
     """
 
     def __init__(
@@ -91,10 +96,10 @@ class Session:
             raise
 
     def claim(self, identity: Identity) -> None:
-        """Lock the identified device, whatever its port. Raises DeviceError if it is in use.
+        """Lock the identified device on all of its ports. Raises DeviceError if it is in use.
 
         A private (emulated) rig gets no such lock, and no stop by serial number applies to it. No
-        other process can reach it, and several emulated rigs have the same number.
+        other process can reach it, and several emulated rigs have the same serial number.
         """
         if not self.private:
             self._names = names_of(self.device, [identity.serial])
@@ -103,9 +108,10 @@ class Session:
             lock.write_holder(self._about)
 
     def request_estop(self, reason: str) -> None:
-        """Set `stop_reason`, at which the thread that uses the rig stops it; keep the first reason.
+        """Request an emergency stop: set `stop_reason`, unless an earlier request has set it.
 
-        An emulated rig that was never armed needs no stop: the stop is confirmed at once.
+        The thread that uses the rig reads `stop_reason` and stops the rig. An emulated rig that was
+        never armed needs no stop, so the method confirms the stop at once.
         """
         with self._deciding:
             self.stop_reason = self.stop_reason or reason
@@ -115,10 +121,10 @@ class Session:
     def begin_to_arm(self) -> str | None:
         """Return None if the rig may be armed now, else the reason of the stop that forbids it.
 
-        Two kinds of emergency stop forbid arming: one that a client requested from this session,
-        and one made since the program or call that uses the rig began (`session.stop_stamp`). A
-        stop may come during an attempt to arm. So call this method before and after each attempt,
-        and stop the rig if the result is not None.
+        Two kinds of emergency stop forbid arming. A client may have requested the stop from this
+        session. Or the stop came after the user had started the program or the call that uses the
+        rig (`session.stop_stamp`). A stop may also come during an attempt to arm. So call this
+        method before and after each attempt, and stop the rig if the result is not None.
         """
         with self._deciding:
             if self.stop_reason is None:

@@ -1,10 +1,11 @@
-"""Stores the time of each emergency stop: a program begun before a stop cannot arm after it.
+"""Stores the time of each emergency stop: a program started before a stop cannot arm after it.
 
     <runtime>/<name>@<time>.stop      name: a device, a serial number, or ``all``
                                       time: of the stop, ns on the host's monotonic clock
 
 Such a file is the *stamp* of a stop; it contains the reason and the computer's boot identifier. An
-*invocation* is the run of a program, or the call, that starts a flight. A flight must not arm if
+*invocation* is what the user started: a program, a call in an interactive interpreter, or a request
+to a running program. A flight must not arm the rig if
 
     start of its invocation ≤ time of a stop of its rig ≤ now
 
@@ -12,14 +13,15 @@ A stop writes its stamp before it looks for sessions (processes that use a rig).
 its session before it looks for stamps. So either the stop finds the session, or the flight finds
 the stamp.
 
-When an invocation began:
-
 ==============================  ==================================================================
-a program: ``heli3dof``, a      the start of its process, as the system reports it; so all flights
-script                          of ``run --auto`` or of a loop in a script began with it
-an interactive interpreter,     the call
-a notebook
-a server, a window, a test run  the program's last call of `start_command`
+invocation                      its start
+==============================  ==================================================================
+a program: ``heli3dof``, a      when its process started, as the system reports it. All flights of
+script                          ``run --auto``, or of a loop in a script, are one invocation
+a call in an interactive        when `command_began_ns` is called, at the beginning of a flight
+interpreter or a notebook
+a request to a server, a        when this program last called `start_command`
+window or a test run
 ==============================  ==================================================================
 
 The monotonic clock is common to all processes of a computer and is never set. After a restart of
@@ -55,7 +57,11 @@ def start_command() -> None:
 
 
 def command_began_ns() -> int:
-    """Return when the running program or call began, in ns on the host's monotonic clock."""
+    """Return when the present invocation began, in ns on the host's monotonic clock.
+
+    An invocation is what the user started: a program, a call in an interactive interpreter, or a
+    request to a running program (`start_command`).
+    """
     global _began_ns
     if hasattr(sys, "ps1"):  # an interactive interpreter has a prompt
         return time.monotonic_ns()
@@ -65,10 +71,10 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Store an emergency stop with the present time: no program begun before can arm the rigs.
+    """Store an emergency stop with the present time; no program started earlier can arm the rigs.
 
-    ``names``: the rigs' names from `names_of`, or ``all``; ``reason``: for the message of a flight
-    that is refused.
+    ``names``: the rigs' names from `names_of`, or ``all``. ``reason``: why the rigs were stopped;
+    a program that may not arm a rig shows it in its error message.
     """
     folder, now = runtime_folder(), time.monotonic_ns()
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
@@ -81,10 +87,10 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Return the reason of a stop since ``began_ns`` that forbids arming; None without a stop.
+    """Return the reason of an emergency stop since ``began_ns``; None if the rig may be armed.
 
-    ``began_ns``: when the program or call began, in ns on the host's monotonic clock; ``names``:
-    the rig's names from `names_of`.
+    ``began_ns``: result of `command_began_ns`, the time at which the user started the program or
+    the call, in ns on the host's monotonic clock. ``names``: the rig's names from `names_of`.
     """
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):

@@ -1,12 +1,15 @@
-"""Wraps a rig: other processes can stop it; its counts are zero at rest, its voltages limited.
+"""`StoppableRig`: wraps a rig so that other processes can stop it.
+
+The wrapper also clips the commanded voltages to a limit. It subtracts the counts at the rest angles
+from each sample's counts, so the counts are zero at rest.
 
 If another process requests an emergency stop, the next calls do this::
 
     exchange(command), read():   stop the device and confirm the stop to the requester, once;
                                  exchange sends zero volts instead of the command
     arm():                       stop the device and raise SafetyTrip, since arming would clear
-                                 the stop; also if a stop came since the program began
-                                 (`heli3dof.rig.session.stop_stamp`)
+                                 the stop. arm() does this also if a stop came after the
+                                 program started (`heli3dof.rig.session.stop_stamp`)
 
 The samples then have the flag ESTOP, which ends the control loop.
 
@@ -35,7 +38,11 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """A rig that its session can stop. Counts are zero at the rest angles, voltages limited."""
+    """Wraps an open rig so that other processes can stop it.
+
+    The wrapper clips each commanded voltage to ±``v_max``. It subtracts the counts at the rest
+    angles from the counts in each sample, so the counts are zero at rest.
+    """
 
     def __init__(
         self,
@@ -44,7 +51,11 @@ class StoppableRig:
         rest: RestCounts = COUNTS_AT_POWER_UP,
         v_max: float = math.inf,
     ) -> None:
-        """``v_max``: largest voltage, V; by default only the device limits it."""
+        """Wrap ``rig``, the driver's open rig.
+
+        ``session``: contains requests to stop. ``rest``: encoder counts at the rest angles.
+        ``v_max``: largest voltage in V; by default only the device limits the voltages.
+        """
         self.inner, self.session = rig, session
         self.rest = rest
         self.v_max = v_max

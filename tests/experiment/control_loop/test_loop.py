@@ -171,7 +171,7 @@ def test_a_failed_search_for_the_cause_of_a_trip_does_not_lose_the_outcome(
         raise np.linalg.LinAlgError("SVD did not converge")
 
     monkeypatch.setattr("heli3dof.experiment.safety_monitors.wiring_fault.with_cause", fails)
-    report = Trip("did not turn", "not known.", "look", by_motion=True)
+    report = Trip("did not turn", "not known.", "look", may_be_wiring_fault=True)
     outcome, _ = flown(ScriptedRig(), monitors=[lambda now: report if now.k == 40 else None])
     assert (outcome.ending, outcome.detail) == ("tripped", "did not turn")
 
