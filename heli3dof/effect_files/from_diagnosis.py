@@ -154,7 +154,11 @@ def _module(f: Formula, source: str) -> str:
 
 
 def _evidence(f: Formula) -> str:
-    """Return the variable against which a report plots the torque: the product's first factor."""
+    """Return the variable against which a report plots the torque, such as ``yaw_rate``.
+
+    It is the variable in the first factor of the formula's product: ``yaw_rate`` for
+    ``abs(yaw_rate)*voltage_sum``.
+    """
     return re.sub(r"\w+\((\w+)\)", r"\1", factors(f.product)[0])
 
 

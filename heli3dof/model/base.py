@@ -123,7 +123,10 @@ class Model(Protocol):
 
 
 def checked_time(seconds: float, name: str) -> float:
-    """Return the argument ``name`` of ``seconds`` s; raise UsageError if it is not positive."""
+    """Return ``seconds`` unchanged if it is positive and finite; otherwise raise UsageError.
+
+    ``name``: the name of the caller's argument, for the error message.
+    """
     if not 0 < seconds < float("inf"):
         raise UsageError(
             f"{name} is {seconds}; it must be positive.",

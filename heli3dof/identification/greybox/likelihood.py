@@ -22,7 +22,11 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.model.effects import Term
-from heli3dof.model.estimation.ekf_quantised import FilterRun, filter_quantised, follow
+from heli3dof.model.estimation.ekf_quantised import (
+    FilterRun,
+    filter_quantised,
+    prediction_changes,
+)
 from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_noise
 from heli3dof.model.physics.parametrisation import Structure
 
@@ -122,7 +126,7 @@ class Likelihood:
         moved = (self.values(theta + e) for e in np.diag(step)[which])
         sets = np.array([self.values(theta), *moved])
         D = np.zeros((len(sets), len(at.row)))
-        follow(
+        prediction_changes(
             *self.structure.arguments(sets), d.blocks, d.free, d.t, d.h, d.V, d.y,
             at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip

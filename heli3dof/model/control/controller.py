@@ -24,8 +24,9 @@ few µs per period, without numba), and the simulations compile it.
 A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or an extra voltage
 counts as zero. If the computed voltage is not finite, the output v is 0 V.
 
-**Open loops.** A plan may open the loops of some axes: their contributions to the voltage are
-frozen. The voltage that `control_law` computes is a sum of contributions of each axis i to motor m,
+**Open loops.** A plan may open the loops of some axes: the feedback of these axes is replaced by
+constant voltages. The voltage that `control_law` computes for motor m is V_o plus the sum of a
+contribution c_im of each axis i,
 
     c_im = K_mi (q_i,ref − q_i) − K_m,3+i q̇_i + clamp(K_m,6+j ξ_j)
 
@@ -34,16 +35,16 @@ integral ξ_j. j = 0 is roll and j = 1 yaw; pitch has no integral.
 
 Each axis has a mode in each control period:
 
-    CLOSED  unchanged
-    LEARN   unchanged; the mean c̄_im over consecutive LEARN periods is stored as trim voltage
-            (the axis' next LEARN in the flight replaces it)
-    OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
+    CLOSED  The loop is closed: the controller uses c_im.
+    LEARN   The loop is closed, too. The controller averages c_im over consecutive periods in this
+            mode. The next LEARN phase of the axis replaces the mean c̄_im.
+    OPEN    The loop is open: the controller uses the constant c̄_im instead of c_im.
 
-For each motor m, the replacement is an extra voltage Σ_i (c̄_im − c_im) over the open axes.
-The reference of an open axis is its own angle, so its integral does not grow. When the loop closes,
-the reference returns to the flight plan's reference at the rate `RETURN`, without a jump. A
-recording contains the references and extra voltages as changed here. So V = law(angle, reference) +
-extra is true for its rows, and a replay needs no modes.
+The controller replaces c_im by c̄_im by adding the extra voltage Σ_i (c̄_im − c_im) over the open
+axes i. The reference of an open axis is its own angle, so its integral does not grow. When the loop
+closes, the reference returns to the flight plan's reference at the rate `RETURN`, without a jump. A
+recording contains the references and extra voltages after these changes. So V = law(angle,
+reference) + extra is true for its rows, and a replay needs no modes.
 
 The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
 between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate
@@ -79,10 +80,10 @@ SHARE = 0.7
 RETURN = radians(10.0)
 """rad/s: rate at which the reference returns to the plan's after a loop was closed"""
 FADE_S = 0.03
-"""s: time constant of the decay of the replacement voltage once all loops are closed"""
+"""s: time constant with which the extra voltage of open loops decays once all loops are closed"""
 _SUM, _COUNT, _BEFORE, _OUTSIDE, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
 _EXCITATION, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
-N_OPENING = 26
+N_OPEN_LOOP_STATE = 26
 
 
 def control_law(
@@ -198,17 +199,22 @@ def open_loop_bounds(limits: Limits) -> list[float]:
     return [radians(v) for v in (middle - half, middle + half, *(SHARE * r for r in rest))]
 
 
-def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arguments (mode, bounds, z) of `before_law` for a simulation of ``task``.
+def open_loop_arguments(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arguments (mode, bounds, z) that `before_law` needs to open control loops.
 
-    ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
-    ``bounds``: `open_loop_bounds`. ``z``: the initial state, `N_OPENING` zeros.
+    They are for a simulation of ``task``, a flight of N control periods:
+
+    - mode (N, 3): the mode of each axis in each period. 0: closed loop. 1: closed loop, in which
+      the controller averages the axis's part of the voltage. 2: open loop. The shape is (0, 3) if
+      the flight opens no loop.
+    - bounds (7,): the angles and rates beyond which all loops are closed (`open_loop_bounds`).
+    - z: what `before_law` and `after_law` store from period to period, initially zeros.
     """
     modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
     return (
         np.ascontiguousarray(modes, dtype=np.int8),
         np.array(open_loop_bounds(task.limits)),
-        np.zeros(N_OPENING),
+        np.zeros(N_OPEN_LOOP_STATE),
     )
 
 
@@ -229,11 +235,11 @@ def before_law(
     (`open_loop_bounds`), all loops are closed. They stay closed until a period in which no axis has
     the mode OPEN.
 
-    ``p``, ``s``: parameters and state of `control_law`; ``angle`` (3) rad: measured; ``z``: state
-    of the loop opening, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with
-    the references to apply. ``extra`` (2) V, the excitation, is moved to ``z``, where `after_law`
-    reads it. `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64
-    arrays.
+    ``p``, ``s``: parameters and state of `control_law`; ``angle`` (3) rad: measured. ``z`` stores
+    values from period to period, `N_OPEN_LOOP_STATE` zeros at the start. The function overwrites
+    ``reference`` (3) rad with the references to apply. It moves ``extra`` (2) V, the excitation, to
+    ``z``, where `after_law` reads it. `before_law` and `after_law` run on Python lists and under
+    ``numba.njit`` on float64 arrays.
     """
     any_open = False
     for i in range(3):
@@ -275,13 +281,18 @@ def after_law(
     extra: MutableSequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Average or replace the axes' contributions to the voltages that `control_law` computed.
+    """Replace the feedback of the axes in open loop by constant voltages; add the excitation.
 
-    In mode LEARN the contribution is averaged; in an open loop the average replaces it. Once all
-    loops are closed, the replacement voltage decays with the time constant `FADE_S`. Finally,
-    the excitation is added. ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with
-    the values to apply. ``p``, ``s``: the law's parameters and state; ``z``: state of the loop
-    opening; ``mode``: see `before_law`.
+    `control_law` has computed the motor voltages as a sum of contributions, one from each axis. If
+    the loop of an axis is open, this function replaces the axis's contribution by its earlier mean.
+    If the axis has the mode LEARN (closed loop), the function includes the contribution in this
+    mean. The replacement is an extra voltage: mean minus contribution, summed over the open axes.
+    Once all loops are closed, this voltage decays with the time constant `FADE_S`.
+
+    The function writes the sum of this voltage and the excitation to ``extra`` (2) V, and adds it
+    to the voltages in ``out``. ``out`` (4) V contains the commanded voltages (front, back), then
+    the same limited to ±v_max. ``p``, ``s``: parameters and state of `control_law`. ``mode`` (3),
+    ``z``: see `before_law`.
     """
     for m in range(2):
         replaced = 0.0
@@ -334,7 +345,7 @@ class Controller:
         self._s = state_at_rest(self._p, (0.0, 0.0, 0.0))
         self._out = [0.0] * N_OUT
         self._bounds = open_loop_bounds(limits)
-        self._z = [0.0] * N_OPENING
+        self._z = [0.0] * N_OPEN_LOOP_STATE
 
     @classmethod
     def of(cls, profile: Any) -> Controller:
@@ -381,8 +392,17 @@ class Controller:
     ]:
         """Compute one control period in which the loops of some axes may be open.
 
-        ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis. Returns reference (3,) rad and extra
-        voltage (2,) V as applied, then the motor voltages (2,) V before and after the limiter.
+        ``mode`` (3) contains for each axis:
+
+        - 0 CLOSED: closed loop.
+        - 1 LEARN: closed loop; the controller averages the voltage due to this axis's feedback.
+        - 2 OPEN: open loop; the mean voltage replaces this axis's feedback.
+
+        ``angle`` (3) rad: measured; ``reference`` (3) rad: from the plan; ``extra`` (2) V: the
+        excitation. Returns four tuples. The first is the reference (3,) rad that the controller
+        used; for an open axis, it is the measured angle. The second is the voltage (2,) V added to
+        the control law: the excitation, plus the change due to open loops. The last two are the
+        motor voltages (2,) V before and after the limiter.
         """
         r, e, out = list(reference), list(extra), self._out
         before_law(self._p, self._s, self._bounds, self._z, mode, angle, r, e)

@@ -55,13 +55,17 @@ RANK_TOLERANCE = 1e-10
 
 
 def identified_controller(recording: Recording) -> LinearController | None:
-    """Return the linear controller that explains the recording's voltages; None in two cases.
+    """Return the linear controller that explains the recording's voltages; None if there is none.
 
-    * The recording lacks an angle, a row for a control period, or all references. Without
-      references, an integral of the control error would not be identifiable.
+    The function uses the rows in closed loop, at most the first `MAX_ROWS` of them. It returns None
+    in these cases:
+
+    * An angle of roll, pitch or yaw is missing in at least one row.
+    * The log is decimated: it contains only every second, third … control period.
+    * The log contains no reference of any axis. An integral of the control error would then not be
+      identifiable.
+    * The log has too few rows.
     * No controller of the orders `ORDERS` explains the voltages (see the head of this file).
-
-    Only the first `MAX_ROWS` rows are used.
     """
     r = under_control(recording)
     if len(r.axes) < len(AXES) or not np.isfinite(r.angle).all() or decimation(r) != 1:

@@ -40,13 +40,16 @@ def unexplained_share(
     signal: np.ndarray,
     size: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> float | None:
-    """Return the upper quartile, over blocks of `BLOCK_S` seconds, of size(t, e)/std(signal).
+    """Return how large the errors ``e`` of a control law are, relative to a voltage ``signal``.
 
-    A block's value is the larger of the two motors' ratios. ``t`` (N,): s since the start of the
-    first block. ``e``, ``signal`` (N, 2): errors and signal of both motors, V. ``size``: function
-    that returns the size (2,) of one block's errors, such as their standard deviation. Blocks with
-    too few rows, or in which a motor's signal is constant, are left out. Returns None if fewer than
-    `LEAST_BLOCKS` blocks remain.
+    The function divides the recording into blocks of `BLOCK_S` seconds. In each block it computes
+    the ratio size(t, e)/std(signal) for each motor, and uses the larger of the two. The result is
+    the upper quartile of the blocks' ratios.
+
+    ``t`` (N,): s since the start of the first block. ``e``, ``signal`` (N, 2): errors and signal of
+    both motors, V. ``size``: function that returns the size (2,) of one block's errors, such as
+    their standard deviation. Blocks with too few rows, or in which a motor's signal is constant,
+    are left out. Returns None if fewer than `LEAST_BLOCKS` blocks remain.
 
     >>> t, e = np.arange(300) * 0.02, np.full((300, 2), 0.5)
     >>> signal = np.where(np.arange(300) % 2, 1.0, -1.0)[:, None] * [1.0, 2.0]  # std 1 and 2

@@ -71,8 +71,8 @@ class Parameter:
 SHARE_STD = 0.2
 """Standard deviation of the prior of a `share`; the mean is 1."""
 SMALL = 0.1
-"""Ratio of a parameter's deviation from its null to `Parameter.typical`. At this ratio, the motion
-is still nearly linear in the parameter."""
+"""Ratio of a parameter's deviation from its null value to `Parameter.typical`. At this ratio, the
+motion is still nearly linear in the parameter."""
 
 
 def share(meaning: str) -> Parameter:
@@ -88,34 +88,40 @@ def share(meaning: str) -> Parameter:
 class Effect:
     """One physical effect, with the facts that a fit and a diagnosis need about it.
 
+    Each parameter has a null value, at which the effect is absent: for example 0 for a friction
+    (`Parameter.null`). An effect without parameters is a switch; a diagnosis does not report it.
+
     Attributes:
         hooks: the equations, as {stage of the simulation: function ``f(s, par, mem, out)`` that is
             called there} (`heli3dof.model.physics.state_layout.Stage`).
-        axes: the axes on which the effect can act; empty for an effect without an axis.
+        axes: the axes (roll, pitch, yaw) on each of which the effect can occur separately. Empty
+            for an effect that belongs to no single axis, such as the lag of the rotors.
         order: calling order among the effects of the same stage, along the signal path.
         confused_with: other effects that explain similar data.
         separated_by: name of the flight plan that best distinguishes this effect from
             ``confused_with``.
-        starts: values of the first parameter, ascending, for an effect whose likelihood has zero
-            slope at null. A fit starts at the most likely of null and these values.
+        starts: trial values of the first parameter, ascending. Only for an effect whose likelihood
+            has zero slope at the null value. A fit starts at the null value or at one of these
+            values, whichever explains the data best.
         identifiable: the motion that makes the effect identifiable.
         evidence: the variable against which a report plots the effect (`ABSCISSAE`).
-        within: name of the term (effect on an axis) whose equations this effect changes.
-        requires: name of the term without which this effect is equivalent to another effect.
-        formal: true for another form of the rigid body's equations, which is no defect of the rig.
-            A diagnosis may use it but never reports it as a finding.
+        within: name of another effect, whose equations this effect changes. A diagnosis proposes
+            this effect only if the model contains the other one.
+        requires: name of another effect that the model must contain before a diagnosis proposes
+            this effect. Otherwise the data could not distinguish this effect from a third one.
+        formal: true if the effect selects a simplified form of the rigid body's equations of
+            motion. A diagnosis may select it but never reports it as a finding, because the choice
+            of equations is no defect of the rig.
         candidate: true if a diagnosis may propose it.
-        probes: tuples of parameter values at which a diagnosis evaluates the score; parameters
-            that a tuple omits have their null. Default: one tuple, the first parameter's null +
-            `SMALL` · ``typical``. Several tuples are needed if the shape of the predicted change
-            depends on the value.
+        probes: tuples of parameter values at which a diagnosis evaluates the score. A parameter
+            that a tuple omits has its null value. Default: one tuple, the first parameter's null
+            value + `SMALL` · ``typical``. Several tuples are needed if the shape of the predicted
+            change depends on the value.
         probe_quantiles: for a voltage limit, instead of ``probes``: a diagnosis evaluates the score
             at these quantiles of the recorded |voltage|.
         scan: ``frequency`` if the second parameter is a frequency, ``instant`` if it is the time of
             a change. A diagnosis then evaluates the score at all values of this parameter
             (`heli3dof.identification.bias_correction.scans`).
-
-    An effect without parameters is a switch; a diagnosis does not report it.
     """
 
     name: str
@@ -152,11 +158,12 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """Return True if the effect selects a form of the equations of motion, so it is no defect.
+        """Return True if the effect selects a form of the equations of motion.
 
-        Such an effect is another form of the rigid body's equations (`formal`), or restores what a
-        simpler form omits (`within`), as `geometry` does in the hover model. A diagnosis adds no
-        BIC penalty for its parameter, because the parameter's prior (`share`) is tight.
+        Either it selects a simplified form of the rigid body's equations (`formal`), or it restores
+        terms that a simplified form omits (`within`). No such effect is a defect of the rig. Its
+        parameter has a narrow prior about 1 (`share`). Therefore, a diagnosis adds no BIC penalty
+        for this parameter.
         """
         return self.formal or bool(self.within)
 
@@ -164,16 +171,19 @@ class Effect:
     def screened(self) -> bool:
         """Return True if a score test on innovations of a model without the effect can detect it.
 
-        The result is False for effects with ``starts``: at the parameter value without the effect,
-        the slope (score) of their likelihood is zero. It is also False for effects without
-        equations: jitter and lost samples, which time stamps show.
+        The result is False for effects with ``starts``: at the null value of their parameter, the
+        score (slope of the log-likelihood) is zero. It is also False for effects without equations:
+        jitter and lost samples, which time stamps show.
         """
         return bool(self.hooks) and not self.starts
 
 
 @dataclass(frozen=True)
 class Term:
-    """A physical effect on one axis of a model; ``axis`` is None for an effect without axes."""
+    """An effect in a model, together with the axis (roll, pitch or yaw) on which it acts.
+
+    ``axis`` is None for an effect that belongs to no single axis, such as the lag of the rotors.
+    """
 
     effect: Effect
     axis: str | None = None
@@ -190,5 +200,5 @@ class Term:
 
     @property
     def axis_index(self) -> int:
-        """Return the index of the axis: 0 roll, 1 pitch, 2 yaw; −1 for an effect without axes."""
+        """Return the index of ``axis``: 0 roll, 1 pitch, 2 yaw; −1 if ``axis`` is None."""
         return -1 if self.axis is None else AXES.index(self.axis)

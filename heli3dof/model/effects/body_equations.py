@@ -1,4 +1,8 @@
-"""Effects that are another form of the rigid body's equations; each function sets one form."""
+"""Effects that select the equations of motion: those of the complete rigid body or simplified ones.
+
+Each function here changes one element of the simulation's parameter array, which the equations
+in `heli3dof.model.physics.rigid_body` read.
+"""
 
 from __future__ import annotations
 
@@ -27,20 +31,26 @@ def hover(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 
 def rigid_body(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
+    """Blend of the linear hover model and the rigid body: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
     q̈ are the angular accelerations of roll r, pitch p, yaw ψ. The parameter a is 0 for the hover
-    model and 1 for the complete rigid body. The omitted parts are (T_g: gravity torque; see
-    `heli3dof.model.physics.rigid_body`):
+    model and 1 for the complete rigid body (`heli3dof.model.physics.rigid_body`). Their torques are
 
-    * the gravity torque's factor cos r
-    * the thrust F that tilts with the body, at the distance L_a from the yaw axis: L_a cos p F on
-      roll, −L_a cos r sin p F (not −T_g p) on yaw
-    * the yaw torque L_h sin r D of the thrust difference D, with rotors at ±L_h
-    * inertias that depend on the angles, Coriolis and centrifugal torques
+    =====  =======================  ==================================================
+    axis   hover model              rigid body
+    =====  =======================  ==================================================
+    roll   L_a F − T_g              L_a cos p F − T_g cos r + G_p sin r sin p
+    pitch  L_h D − G_p              L_h D − G_p cos r cos p
+    yaw    −T_g p + G_p r           −L_a cos r sin p F + L_h sin r D
+    =====  =======================  ==================================================
 
-    A score test at a = 0 shows whether recordings need these parts. In a model with this effect, a
-    has the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
+    F and D (N) are the sum and the difference of the two thrusts. The thrusts act at the distance
+    L_a from the yaw axis and ±L_h from the body's centre. T_g and G_p are the gravity torques of
+    the level arm and the level body. The rigid body also has Coriolis and centrifugal torques, and
+    its inertias depend on the angles. The hover model has constant inertias.
+
+    A score test at a = 0 shows whether recordings need the rigid body. In a model with this effect,
+    a has the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
     """
     out[LINEAR] *= 1.0 - par[A]
 

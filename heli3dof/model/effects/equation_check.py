@@ -79,10 +79,10 @@ def equation_mistakes(effect: Effect) -> list[str]:
     """Return a sentence per mistake that would change the results of other effects.
 
     An equation must raise no exception, not change its arguments other than ``mem`` and ``out``,
-    and return finite numbers. It may change only the axis on which it acts, and must add to a
-    torque instead of replacing it. With each parameter at its ``null``, the value without the
-    effect, it must add no torque. This last rule is checked only for effects with parameters, none
-    of them estimated as a logarithm (``log``).
+    and return finite numbers. It may change only the axis on which it acts. It must add to a torque
+    instead of replacing it. It must add no torque if all parameters have their ``null`` values, at
+    which the effect is absent. This last rule is not checked in two cases: if the effect has no
+    parameters, or if the logarithm of a parameter is estimated (``log``).
     """
     axes = [AXES.index(axis) for axis in effect.axes] or [-1]
     found = (m for stage in effect.hooks for axis in axes for m in _mistakes(effect, stage, axis))
@@ -90,9 +90,9 @@ def equation_mistakes(effect: Effect) -> list[str]:
 
 
 def adds_nothing(effect: Effect, stage: Stage) -> bool:
-    """Return True if the equation adds zero in all `states`, with `typical` parameters.
+    """Return True if the equation adds zero to its torque in all `states`.
 
-    The function tries only the first of the effect's axes.
+    The parameters have `typical` values. The function tries only the first of the effect's axes.
     """
     axis = AXES.index(effect.axes[0]) if effect.axes else -1
     run = _equation(effect, stage, axis, typical(effect))
@@ -100,10 +100,10 @@ def adds_nothing(effect: Effect, stage: Stage) -> bool:
 
 
 def typical(effect: Effect) -> list[float]:
-    """Return parameter values at which the effect is noticeable: ``null`` + ``typical`` each.
+    """Return for each parameter a value at which the effect is noticeable: ``null`` + ``typical``.
 
-    ``null`` is the value without the effect, ``typical`` a noticeable deviation from it. The value
-    of a parameter with ``log`` is ``typical`` alone.
+    ``null`` is the value without the effect, ``typical`` a noticeable deviation from it. If the
+    parameter's logarithm is estimated (``log``), the value is ``typical`` alone.
     """
     return [p.typical if p.log else p.null + p.typical for p in effect.parameters]
 
@@ -117,9 +117,9 @@ def _mistakes(effect: Effect, stage: Stage, axis: int) -> Iterator[str]:
     others = [i for i in range(3) if i != axis] if stage in PER_AXIS and axis >= 0 else []
     for i, s in enumerate(states()):
         where = "at roll {:.2g}, pitch {:.2g}, yaw {:.2g} rad".format(*s[R:]) if i else "at rest"
-        begun = s if stage is Stage.SETUP else s[CHANGED.get(stage, slice(R, R + 3))]
+        before = s if stage is Stage.SETUP else s[CHANGED.get(stage, slice(R, R + 3))]
         try:
-            now = on(s, begun)
+            now = on(s, before)
             if not np.isfinite(now).all():
                 yield f"{stage.name}: the equation gives a number that is not finite {where}."
                 return
@@ -133,7 +133,7 @@ def _mistakes(effect: Effect, stage: Stage, axis: int) -> Iterator[str]:
                 continue
             if not np.allclose(now, on_zeros(s, np.zeros(3))):
                 yield f"{stage.name}: the equation replaces out; add to it (out[…] += …)."
-            elif has_null and off(s, begun).any():
+            elif has_null and off(s, before).any():
                 yield (
                     f"{stage.name}: the equation adds a torque although each parameter has its "
                     "null, the value without the effect."
@@ -146,20 +146,21 @@ def _mistakes(effect: Effect, stage: Stage, axis: int) -> Iterator[str]:
 def _equation(
     effect: Effect, stage: Stage, axis: int, values: list[float]
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return a function ``change(s, begun)`` that evaluates an equation in the state ``s``.
+    """Return a function ``change(s, before)`` that runs the effect's equation at the state ``s``.
 
-    Its result is the change of the array ``out`` by the equation; ``begun`` is ``out`` before.
-    ``values``: the effect's parameters. The equation keeps its memory from call to call.
+    An equation modifies an array, for example the torques. ``before`` is this array before the
+    equation runs; ``change`` returns its modification. ``values`` are the effect's parameters. An
+    equation with hysteresis keeps its internal state from one call of ``change`` to the next.
     """
     par, memory = np.zeros(PARAMETERS), _Pointer(np.zeros(MEMORY))
     par[AXIS], par[A : A + len(values)] = axis, values
     par.flags.writeable = False
 
-    def change(s: np.ndarray, begun: np.ndarray) -> np.ndarray:
-        out = begun.copy()
+    def change(s: np.ndarray, before: np.ndarray) -> np.ndarray:
+        out = before.copy()
         with np.errstate(all="ignore"):
             effect.hooks[stage](_Pointer(s), _Pointer(par), memory, _Pointer(out))
-        return np.asarray(out - begun)
+        return np.asarray(out - before)
 
     return change
 

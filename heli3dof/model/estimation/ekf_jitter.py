@@ -14,10 +14,15 @@ treats the axes' jitter as independent. `ekf_quantised` is more accurate if the 
 b are effect parameters that are constant within a recording and differ between recordings, such as
 the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
 and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
-The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with
-∂q̈/∂(q, q̇, b). But dry friction changes x only, not P. The process noise is that of the angle, even
-if an encoder reads k times its angle. x advances by the midpoint rule. The rule's error per
-sample interval h is h³ q⃛/24, a thousandth of an encoder step.
+The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, except for this:
+
+* The transition matrix contains ∂q̈/∂(q, q̇, b), and terms of second order in the sample interval h.
+* Dry friction changes x only, not P.
+* The process noise is that of the true angle. It does not change if an encoder has a scale error,
+  that is, if its reading is a multiple of the true angle.
+
+x advances by the midpoint rule. The rule's error per sample interval is h³ q⃛/24, a thousandth of
+an encoder step.
 """
 
 from __future__ import annotations

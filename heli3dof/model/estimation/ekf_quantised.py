@@ -8,19 +8,20 @@ becomes
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
 The derivatives are recomputed every `RELINEARISE_S`. After each step, dry friction changes x and P
-(`heli3dof.model.physics.dry_friction`). If an encoder reads k times its angle, a² is the process
-noise of the reading, and that of the angle is a²/k². Thus k is estimated from the motion, not from
-the noise level.
+(`heli3dof.model.physics.dry_friction`). An encoder may have a scale error: its reading is k times
+the true angle. Then a² is the process noise of the reading, and a²/k² is that of the true angle.
+Thus a fit estimates k from the motion, not from the noise level.
 
 The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
-change of a reading. Each event acts on one component c of x, with a likelihood Z, the score g and
-the information w: x ← x + P_c g, where P_c is column c of P.
+change of a reading. Each event acts on one component c of x. It has a likelihood L, the score
+g = ∂ ln L/∂c and the information w = −∂² ln L/∂c². The update of the state is x ← x + P_c g, where
+P_c is column c of P.
 
-Σ ln Z is the log-likelihood of a recording. Parameters θ′ near the filter's θ change the prediction
-of c by δc. With P_c, g and w kept, the update is then x ← x + P_c (g − w δc). `follow` computes δc
-at all events for several θ′. The differences give ∂c/∂θ, which a Gauss–Newton step needs. If θ′
-changes an encoder's factor k, the update of the angle is multiplied by k(θ)/k(θ′), so that the
-update of the reading stays the same.
+Σ ln L is the log-likelihood of a recording. Parameters θ′ near the filter's θ change the prediction
+of c by δc. If P_c, g and w keep their values, the update is x ← x + P_c (g − w δc).
+`prediction_changes` computes δc at all events for several θ′. The differences give ∂c/∂θ, which a
+Gauss–Newton step needs. If θ′ changes the scale k of an encoder, the update of the angle is
+multiplied by k(θ)/k(θ′), so that the update of the reading stays the same.
 """
 
 from __future__ import annotations
@@ -125,16 +126,26 @@ def filter_blocks(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
     loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
-    """Filter all blocks of a `Data`; return the number of events E (measurement updates).
+    """Run the Kalman filter; return the number E of events (measurement updates).
 
-    ``s0``, ``first``, ``address``, ``par``, ``mem0``: the model (`Structure`); ``blocks`` … ``y``:
-    from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the variance of the angle at which a
-    reading changes, ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,)
-    gets the log-likelihood of each axis. ``keep`` selects what else is stored:
-    - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
-      with opposite sign), prediction C, score G and information W. K (6,) is the covariance of x
-      and the predicted reading or rate, so that x ← x + K G;
-    - ≥ 2: X (N, 6), the states after the updates of each row;
+    The state x (6,) contains the angles and rates of roll, pitch, yaw. Input:
+
+    - ``s0``, ``first``, ``address``, ``par``, ``mem0``: the model (`Structure.arguments`);
+    - ``blocks``, ``free``, ``grid``, ``t``, ``h``, ``V``, ``y``: the fields of `Data` with these
+      names, for N rows;
+    - ``a2`` (3,) (rad/s²)²/Hz: process noise; ``jitter`` (s): standard deviation of the sampling
+      instants;
+    - R2 (3,) rad²: variance of the angle at which an encoder's reading switches. For readings that
+      are not quantised: variance of their noise.
+
+    The log-likelihood of each axis is added to ``loglik`` (3,). ``keep`` selects further output:
+
+    - ≥ 1: one element per event in each of the following arrays. ``row``: the row. ``state``: which
+      quantity c the event measures; 0, 1, 2: the reading of roll, pitch, yaw; 3, 4, 5: the rate of
+      this reading, if it rises; 6, 7, 8: minus the rate of this reading, if it falls. C: the
+      predicted c. G, W: score and information of c. K: the covariance (6,) between x and c. The
+      event updates the state by x ← x + K G.
+    - ≥ 2: X (N, 6), the states after the updates of each row.
     - ≥ 3: X (N, 9); its last three columns are ``loglik`` up to each row.
     """
     N = V.shape[0]
@@ -272,20 +283,21 @@ class FilterRun:
     """The result of one run of the Kalman filter over the data, with E measurement updates."""
 
     loglik: np.ndarray
-    """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
+    """(3,) log-likelihood by axis: Σ ln L. L is the likelihood of one update, given the earlier
+    readings"""
     row: np.ndarray
     """(E,) data row of each update"""
     state: np.ndarray
-    """(E,) what each update reads: 0–2 an angle, 3–5 a rate, 6–8 a negative rate"""
+    """(E,) which quantity each update measures. 0, 1, 2: the reading of roll, pitch, yaw. 3, 4, 5:
+    the rate of this reading, if it rises. 6, 7, 8: minus the rate of this reading, if it falls"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
-    """(E,) each: predicted readings c, scores g = ∂ln Z/∂c, informations w = −∂²ln Z/∂c²"""
+    """(E,) each: predicted measured quantity c, score g = ∂ln L/∂c, information w = −∂²ln L/∂c²"""
     K: np.ndarray
-    """(E, 6) covariance of state and predicted reading at each update, which changes the state by
-    K g"""
+    """(E, 6) covariance between the state and c at each update. The update adds K g to the state"""
     X: np.ndarray | None
-    """(N, 6) states after each row: angles (rad), rates (rad/s). (N, 9) with the sum Σ ln Z of each
+    """(N, 6) states after each row: angles (rad), rates (rad/s). (N, 9) with the sum Σ ln L of each
     axis up to the row in the last three columns. None if not kept"""
 
 
@@ -300,11 +312,11 @@ def filter_quantised(
 ) -> FilterRun:
     """Return the filter's run over ``data`` with the parameters ``values`` (n,) of ``structure``.
 
-    ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s);
-    ``encoder_noise`` (3,) rad² is the variance of the angles at which readings change, or of the
-    readings' noise if they are not quantised. ``keep`` selects what the result holds: 0 the
-    log-likelihood only; 1 also the quantities of each measurement update; 2 also the states X; 3
-    also the log-likelihood up to each row, as further columns of X.
+    ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    ``encoder_noise`` (3,) rad² is the variance of the angle at which an encoder's reading switches.
+    For readings that are not quantised, it is the variance of their noise. ``keep`` selects what
+    the result holds: 0 the log-likelihood only; 1 also the quantities of each measurement update; 2
+    also the states X; 3 also the log-likelihood up to each row, as further columns of X.
     """
     N = len(data.t)
     n = 6 * N if keep else 1
@@ -328,18 +340,21 @@ def filter_quantised(
 
 
 @partial(compiled, error_model="numpy", nogil=True)
-def follow(  # type: ignore[no-untyped-def]
+def prediction_changes(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Predict the E measurement updates (events) of `filter_blocks`, with J parameter sets.
+    """Compute how J sets of parameters change what the Kalman filter predicts at its E updates.
 
-    D (J, E) gets the predicted readings and rates minus those of `filter_blocks`. Each event
-    changes the state by K (G − W D). row, state, C, G, W, K are the events that `filter_blocks`
-    stored; the other arguments are those of `filter_blocks`. ``s0`` and ``pars`` contain the J
-    sets (`Structure.arguments`).
+    `filter_blocks` has filtered the data and stored its measurement updates (events) in row, state,
+    C, G, W, K. An event measures one quantity: an encoder reading or a rate. This function repeats
+    the filter's pass for each parameter set, with the stored gains. It writes to D (J, E) the
+    predicted quantity minus that of `filter_blocks`. Each event changes the state by K (G − W D).
+    ``s0`` and ``pars`` contain the J parameter sets (`Structure.arguments`). The other arguments
+    are those of `filter_blocks`.
 
-    Unlike in the filter, dry friction here ignores the uncertainty of the rates. Therefore, pass
-    the filter's own parameters as the first set, and subtract the first row of D from the others.
+    In `filter_blocks`, dry friction depends on the uncertainty of the rates; here it does not. So D
+    is not zero even for the parameters with which `filter_blocks` ran. Therefore, pass these as the
+    first set, and subtract the first row of D from the others.
     """
     N, E = V.shape[0], row.shape[0]
     encoder_effects = first[MEASURE + 1] > first[MEASURE]

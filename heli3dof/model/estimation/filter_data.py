@@ -1,8 +1,9 @@
 """Convert recordings to arrays for the Kalman filters.
 
-A run is an interval of usable rows. The lead-in, up to `LEAD_S` seconds of earlier rows, is added
-before the run. Its voltages determine the thrusts at the start of the run. For the filters, an
-unmeasured axis does not move.
+The filters process runs. A run consists of consecutive usable rows (samples) of one recording. The
+thrusts at the start of a run depend on earlier voltages, because the rotors lag. So the arrays also
+contain a lead-in: the rows of up to `LEAD_S` seconds before the run. The filters use the voltages
+of these rows, but not their angles. An axis without measurements does not move in the filters.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ LOST = 6.5
 """Sample periods: longest interval with lost or late samples over which the filters predict, with
 the last voltage. The error of this prediction costs less accuracy than a restart of the filter."""
 LEAD_S = 1.0
-"""s, the length of the lead-in, longer than any rotor's lag."""
+"""s, longest lead-in (rows before a run, whose voltages determine the thrusts at its start). Longer
+than any rotor's lag."""
 CLIMB_S = 0.1
 """s; the climb after take-off ends when roll has not risen for this time."""
 ON_TABLE_BELOW = math.radians(-15.0)
@@ -50,7 +52,9 @@ class RowRange:
 class Data:
     """The input arrays of a Kalman filter: N rows of recordings in B blocks.
 
-    A block is a run of usable rows, after up to `LEAD_S` seconds of earlier rows (lead-in).
+    A block contains a run (consecutive usable rows of one recording). The block begins with a
+    lead-in: the rows of up to `LEAD_S` seconds before the run. The filter uses only the voltages of
+    the lead-in, to compute the thrusts at the start of the run.
     """
 
     t: np.ndarray
@@ -87,7 +91,11 @@ class Data:
 
     @property
     def recorded_rows(self) -> np.ndarray:
-        """Return each row's number (N,) in its recording; −1 in the lead-ins."""
+        """Return an array (N,): the row number of each of the N rows in its recording.
+
+        The number is −1 for the rows before a run (consecutive usable rows). Of these rows, the
+        filter uses only the voltages.
+        """
         out = np.full(len(self.t), -1)
         for run, (_, start, stop) in zip(self.runs, self.blocks, strict=True):
             out[start:stop] = np.arange(run.start, run.stop)
@@ -100,9 +108,11 @@ class Data:
 
 
 def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
-    """Return the ``runs`` of usable rows as arrays, each with a lead-in (the rows before it).
+    """Return the ``runs`` of usable rows as the input arrays of a Kalman filter.
 
-    Raises RecordingError if there are no runs.
+    The rows of up to `LEAD_S` seconds before each run are included, without their angles: their
+    voltages determine the thrusts at the start of the run. If the recording starts on the table, a
+    row of zero voltage is inserted first. Raises RecordingError if there are no runs.
     """
     if not runs:
         raise RecordingError(
@@ -115,7 +125,7 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
     at = 0
     for run in runs:
         rec = recordings[run.source]
-        start = _lead(rec, run.start)
+        start = _lead_in_start(rec, run.start)
         rows = slice(start, run.stop)
         t = rec.t[rows]
         h = np.append(np.diff(t), rec.dt)
@@ -200,10 +210,12 @@ def hold_last(
     return v
 
 
-def _lead(recording: Recording, start: int) -> int:
-    """Return the index of the lead-in's first row, for a run that begins in row ``start``.
+def _lead_in_start(recording: Recording, start: int) -> int:
+    """Return the first row of the lead-in, the rows directly before row ``start``.
 
-    The lead-in lasts at most `LEAD_S` seconds and contains no gap and no lost voltage.
+    The filter starts in row ``start``. The voltages of the lead-in determine the thrusts in that
+    row. The lead-in is at most `LEAD_S` seconds long. It contains no interval longer than `LOST`
+    sample periods and no row with an unknown voltage (NaN).
     """
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))

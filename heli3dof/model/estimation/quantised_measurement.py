@@ -8,11 +8,12 @@ interval. Z = Φ(β) − Φ(α), α = (lower edge − m)/√S, β = (upper edge 
 and Φ its distribution function. The old Z is Z directly after the angle's last update. The next
 update depends on the reading:
 
-* The reading passes the edge e between two samples: the angle was e, up to the distance that the
-  rate q̇ covers in one period h. q̇⁺ is the rate in the direction of the reading's change, or 0 if q̇
-  has the opposite direction. The likelihood is the flux N(e; m, S) E[q̇⁺] h divided by the old Z.
-  N(e; m, S) updates the angle, E[q̇⁺] the rate. E[q̇⁺] is required, because edges are more likely at
-  high rates.
+* The reading passes the edge e between two samples. At the crossing the angle was e. Until the
+  sample, it moved by at most q̇ h, with the rate q̇ and the sample interval h. q̇⁺ is the rate in the
+  direction of the reading's change; it is 0 if q̇ has the opposite direction. The likelihood of the
+  crossing is the flux N(e; m, S) E[q̇⁺] h, divided by the old Z. The filter makes two updates: the
+  factor N(e; m, S) updates the angle, and the factor E[q̇⁺] updates the rate. The second is needed,
+  because a high rate makes a crossing more probable.
 * The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) times the
   old Z. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z minus
   the old ln Z is added to the log-likelihood.
@@ -22,11 +23,20 @@ update depends on the reading:
 If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
 of hosts without real-time scheduling need this.
 
-Every such update (event) acts on one component c of the state x (an angle or a rate). With the
-score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
-P_c is column c of P. For an interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). For
-E[q̇⁺] of a rate N(v, σ²): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f), u = v/σ, f = φ(u) + uΦ(u). If the
-readings y are not quantised (Δ = 0), every sample is an event with g = (y − m)/S, w = 1/S.
+The filter's state x contains angles and rates; P is its covariance. Every such update (event) acts
+on one component c of x. L is the event's likelihood as a function of c. With the score
+g = ∂ ln L/∂c and the information w = −∂² ln L/∂c², the filter computes
+
+    x ← x + P_c g,      P ← P − P_c P_cᵀ w,      where P_c is column c of P.
+
+g and w depend on the kind of event:
+
+* interval, L = Z: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S)
+* angle at the edge e, L = N(e; m, S): g = (e − m)/S, w = 1/S
+* rate with the distribution N(v, σ²), L = E[q̇⁺]: g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f), u = v/σ,
+  f = φ(u) + uΦ(u)
+* reading y that is not quantised (Δ = 0), L = N(y; m, S): g = (y − m)/S, w = 1/S; every sample is
+  such an event
 """
 
 from __future__ import annotations
@@ -53,9 +63,9 @@ def tail(x: float) -> float:
 
 @inlined
 def interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
-    """Return (ln Z, g, w) at m = 0 for the probability Z = P(lo < X < hi), X ~ N(m, S).
+    """Return (ln Z, g, w) for the probability Z that X ~ N(m, S) is between ``lo`` and ``hi``.
 
-    g = ∂ ln Z/∂m and w = −∂² ln Z/∂m² are score and information.
+    g = ∂ ln Z/∂m is the score, w = −∂² ln Z/∂m² the information. All are evaluated at m = 0.
     """
     sd = math.sqrt(S)
     a, b = lo / sd, hi / sd
@@ -105,9 +115,9 @@ def rate_event(v: float, var: float) -> tuple[float, float, float]:
 def apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
 
-    y is the predicted encoder reading or rate, with ∂y/∂x[c] = ``scale``. Z is the measurement's
-    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) gets p = ``scale`` · P[:, c], the
-    covariance of x and y before the update: x ← x + p g, P ← P − p pᵀ w.
+    y is the predicted encoder reading or rate, with ∂y/∂x[c] = ``scale``. L is the measurement's
+    likelihood: g = ∂ ln L/∂y, w = −∂² ln L/∂y². p = ``scale`` · P[:, c] is the covariance between x
+    and y before the update; it is written to ``column`` (6,). x ← x + p g, P ← P − p pᵀ w.
     """
     for j in range(6):
         column[j] = scale * P[j, c]

@@ -1,9 +1,14 @@
 """Simulate the closed loop of the sampled controller with a grey-box model (compiled).
 
-In each control period the encoders read the angles, rounded to encoder steps if the `LoopTask`
-contains them. Then the control law computes the voltage, and the rig moves under it. With an
-initial roll below `ON_TABLE_BELOW` the rig is at rest on the table, with rotors at standstill.
-Otherwise the initial thrusts balance roll and pitch.
+The `LoopTask` describes the flight to simulate. Each control period has three steps:
+
+1. The encoders read the angles. If the `LoopTask` gives the encoders' steps, the readings are
+   rounded to whole steps.
+2. The control law computes the motor voltages.
+3. The rig moves for one period with these voltages.
+
+If the initial roll is below `ON_TABLE_BELOW`, the rig starts at rest on the table, with its rotors
+at standstill. Otherwise it starts in the air, with thrusts that balance roll and pitch.
 """
 
 from __future__ import annotations
@@ -15,7 +20,7 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT, after_law, before_law, opening
+from heli3dof.model.control.controller import N_OUT, after_law, before_law, open_loop_arguments
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.model.greybox.linearisation import balance, true_angles
@@ -37,7 +42,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
     * ``low`` (rad): roll on the table
     * ``p``, ``c``: parameters and state of `simulated_law`; ``reference`` and ``extra``: its input
-    * ``opened``, ``bounds``, ``z``: the result of `opening`
+    * ``opened``, ``bounds``, ``z``: the result of `open_loop_arguments`
     * ``grid``, ``grid0`` (3,) rad: encoder steps (0: not quantised), and a reading on the grid
     * ``kick`` (N, 3) or (0, 3) rad/s: random changes of the rates
     * ``late``: 1 if each voltage acts one control period late, else 0
@@ -91,9 +96,10 @@ def fly(
 ) -> LoopResult:
     """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
-    A NaN in angle0 counts as zero. A diverging loop gives inf and NaN. ``t`` (N,) s: the sampling
-    instants, if not every ``task.dt`` s. ``offset`` (3,) rad is added to the initial angles,
-    ``kick`` (N, 3) rad/s to the rates of each period. ``late``: the voltage acts one period later.
+    A NaN in ``angle0`` counts as zero. The result of a diverging loop contains inf and NaN.
+    ``t`` (N,) s: the sampling instants; None: every ``task.dt`` s. ``offset`` (3,) rad is added to
+    the initial angles. ``kick`` (N, 3) rad/s is added to the rates at the end of each period.
+    ``late``: each voltage acts one period later.
     """
     N = len(task.reference)
     read0 = np.nan_to_num(np.asarray(task.angle0, dtype=float))
@@ -114,7 +120,7 @@ def fly(
         *model.structure.arguments(model.values), np.ones(3, dtype=bool), x, F,
         x[0] if on_table(read0) else -np.inf,
         p, c,
-        *opening(task),
+        *open_loop_arguments(task),
         reference, extra,
         read0, np.ascontiguousarray(grid, dtype=float), t, h,
         np.empty((0, 3)) if kick is None else kick, int(late), angle, voltage, cmd,

@@ -149,10 +149,11 @@ def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.n
 
 
 def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndarray]:
-    """Filter a recording; return it as a `Flight` without start rows, and the states X.
+    """Estimate the rig's states in a recording with the model's Kalman filter.
 
-    X (N, 6 + B) holds angles, rates and the B parameters in ``model.varying``, which the filter
-    re-estimates.
+    Returns the recording as a `Flight` whose field ``starts`` is empty, and the states X. The
+    caller sets ``starts``: the rows from which to predict. X (N, 6 + B) holds angles (rad), rates
+    (rad/s) and the B parameters in ``model.varying``, which the filter re-estimates.
     """
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))

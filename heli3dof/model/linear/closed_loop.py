@@ -18,7 +18,7 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT, after_law, before_law, opening
+from heli3dof.model.control.controller import N_OUT, after_law, before_law, open_loop_arguments
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.linear.initial_state import rest_state
 
@@ -85,7 +85,8 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     _fly(
         *map(_floats, (model.A, model.B, C, model.u0)),
         np.where(there, model.y0, angle0).astype(float), _floats(rest_state(model, angle0)).copy(),
-        p, s, *opening(task), reference, extra, angle0, _floats(grid), angle, voltage, cmd,
+        p, s, *open_loop_arguments(task), reference, extra, angle0, _floats(grid), angle, voltage,
+        cmd,
     )  # fmt: skip
     angle[:, ~there] = np.nan
     return LoopResult(

@@ -51,7 +51,11 @@ class Hover:
 
 
 def quiescent_voltage(profile: Profile) -> float:
-    """Return a motor's hover voltage (V), paper's eq (6); its sign is unreliable (erratum E2)."""
+    """Return the hover voltage (V) of each motor, computed from the masses by the paper's eq (6).
+
+    The result can have the wrong sign (erratum E2). Eq (6) gives a positive voltage if the gravity
+    torque of the counterweight exceeds that of the body. But then the rotors must push downwards.
+    """
     return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 

@@ -14,15 +14,15 @@ friction in several joints, which W couples, the impulses are iterated until the
 W is diag(1/J) for the hover model (`state_layout.LINEAR`) and diagonal for uncoupled axes
 (`UNCOUPLED`); `CONSTANT_YAW_INERTIA` changes W_ψψ (`heli3dof.model.physics.rigid_body`).
 
-In the Kalman filter a rate has the distribution N(v, σ²) before friction. The rate S after friction
-and its slope S′ = dS/dv have the expectations E below. α = (b − v)/σ, β = (b + v)/σ, φ is the
-normal density, Q its upper tail, and u(α) = φ(α) − αQ(α):
+In the Kalman filter the rate v before friction is uncertain, with the distribution N(m, σ²). The
+rate S(v) after friction and the slope S′ = dS/dv have the expectations E below. Here
+α = (b − m)/σ, β = (b + m)/σ, φ is the normal density, Q its upper tail, and u(α) = φ(α) − αQ(α):
 
     E S = σ (u(α) − u(β))              E S² = σ² (Q(α) − αu(α) + Q(β) − βu(β))
     ρ = E S′ = Q(α) + Q(β)
 
 The mean friction on a rate of uncertain sign is below τ_c. A sticking joint has little uncertainty:
-its row of the covariance is multiplied by ρ < 1. σ = 0 gives S itself.
+the filter multiplies its row of the covariance by ρ < 1. For σ = 0, E S equals S(m).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ UNCOUPLED, CONSTANT_YAW_INERTIA = _s.UNCOUPLED, _s.CONSTANT_YAW_INERTIA
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 CERTAIN = 6.0
-"""The sign of a rate v counts as certain if |v| exceeds the threshold b by this many standard
-deviations of v."""
+"""The sign of a rate v counts as certain if |m| exceeds the threshold b by this many standard
+deviations of v; m is the mean of v."""
 SWEEPS = 20
 """Largest number of iterations over the joints."""
 
@@ -48,20 +48,21 @@ call = caller()
 
 
 @inlined
-def soft_threshold(v: float, sd: float, b: float) -> tuple[float, float, float]:
-    """Return (E S, ρ, Var S) of the rate S(v) after dry friction, if it was N(v, sd²) before.
+def soft_threshold(m: float, sd: float, b: float) -> tuple[float, float, float]:
+    """Return (E S, ρ, Var S): mean, mean slope and variance of a rate S after dry friction.
 
-    S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E dS/dv; v, sd, b in rad/s. A fit near
-    zero friction may try b < 0, which accelerates: S(v) = v − b sgn v.
+    The rate v before friction has the distribution N(m, sd²). Dry friction changes it to
+    S(v) = sgn(v) max(|v| − b, 0), with the threshold b. The mean slope is ρ = E dS/dv. m, sd and b
+    are in rad/s. A fit near zero friction may try b < 0, which accelerates: S(v) = v − b sgn v.
     """
-    if abs(v) > max(b, 0.0) + CERTAIN * sd:
-        return (v - b if v > 0.0 else v + b), 1.0, sd * sd
+    if abs(m) > max(b, 0.0) + CERTAIN * sd:
+        return (m - b if m > 0.0 else m + b), 1.0, sd * sd
     if sd <= 0.0:
         return 0.0, 0.0 if b > 0.0 else 1.0, 0.0
     if b <= 0.0:
-        slope = 1.0 - 2.0 * b * math.exp(-0.5 * (v / sd) ** 2) / (SQRT2PI * sd)
-        return v - b * math.erf(v / (SQRT2 * sd)), slope, (slope * sd) ** 2
-    a, c = (b - v) / sd, (b + v) / sd
+        slope = 1.0 - 2.0 * b * math.exp(-0.5 * (m / sd) ** 2) / (SQRT2PI * sd)
+        return m - b * math.erf(m / (SQRT2 * sd)), slope, (slope * sd) ** 2
+    a, c = (b - m) / sd, (b + m) / sd
     Qa, Qc = 0.5 * math.erfc(a / SQRT2), 0.5 * math.erfc(c / SQRT2)
     ua = math.exp(-0.5 * a * a) / SQRT2PI - a * Qa
     uc = math.exp(-0.5 * c * c) / SQRT2PI - c * Qc

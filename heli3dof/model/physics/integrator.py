@@ -1,5 +1,6 @@
-"""The simulation step: rigid body, rotors, effects, dry friction and the table.
+"""The simulation step: rigid body, rotors, effects, dry friction, and the table under the rig.
 
+The roll angle cannot fall below the angle at which the rig rests on its table (`stop_at_table`).
 Filters, closed loops and predictions use these functions. A row k is a sample: t[k] (s) is its
 time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages up to the next row. Other
 arguments:
@@ -34,9 +35,10 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 @inlined
 def setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
-    """Call the effects that change rig parameters in s, once before a simulation.
+    """Let the effects change parameters of the rig; called once before each simulation.
 
-    Arguments: see the head of this file.
+    An effect such as an added mass writes the changed parameters to the array ``s``. All arguments
+    are explained at the head of this file.
     """
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
@@ -46,8 +48,9 @@ def setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 def step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x (angles, rates) from row k to the next, with dry friction.
 
-    cache[:3] holds h, exp(−h/2τ), exp(−h/τ), with the rotors' lag τ (s). w[7, :2] becomes the
-    thrusts (N) at the end of the step. Other arguments: see the head of this file.
+    cache[:3] holds h, exp(−h/2τ), exp(−h/τ) from the previous step, with the step h (s) and the
+    rotors' lag τ (s). The thrusts (N) at the end of the step are written to w[7, :2]. Other
+    arguments: see the head of this file.
     """
     if cache[0] != h[k]:
         cache[0] = h[k]

@@ -1,14 +1,21 @@
 """`Structure`: the parameters of a rig with its effects, and their arrays for compiled functions.
 
-The rigid body has the parameters below. Their estimates are relative to the profile's thrust per
-volt K_f (`physics.rigid_body`). L_a is the distance from yaw axis to body, V_o the hover voltage:
+The rigid body has four parameters:
 
-=========  ======  =======================================================================
-T_g        N·m     gravity torque of the level arm; nominal 2 L_a K_f V_o
-J_roll     kg·m²   inertias of the level rig; nominal from the profile: [inertia], else its masses
+=========  ======  ==================================
+T_g        N·m     gravity torque of the level arm
+J_roll     kg·m²   inertias of the level rig
 J_pitch    kg·m²
 J_yaw      kg·m²
-=========  ======  =======================================================================
+=========  ======  ==================================
+
+Their nominal values come from the rig's profile. The nominal T_g is 2 L_a K_f V_o, with the
+distance L_a (m) from yaw axis to body, the thrust per volt K_f (N/V) and the hover voltage V_o (V)
+of each motor. The nominal inertias are those in the profile's section [inertia]. An inertia that is
+missing there is computed from the profile's masses.
+
+Flights do not determine K_f, so all estimates assume that the profile's K_f is correct. If the true
+K_f is 1.1 times as large, so are the true parameters (`physics.rigid_body`).
 
 An effect's parameter is named ``<effect>[.<axis>].<parameter>``.
 """
@@ -71,11 +78,14 @@ class Hooks:
 
     @cached_property
     def address(self) -> np.ndarray:
-        """Return the compiled functions' machine addresses, (H + 1,) int64; the last is 0."""
+        """Return the machine addresses (H + 1,) int64 of the H `functions`.
+
+        The last element is 0 and belongs to no function.
+        """
         return np.array([*map(address, self.functions), 0], dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields for pickle, without machine addresses: each process has others."""
+        """Return the fields for pickle, without the addresses, which differ between processes."""
         return {k: v for k, v in self.__dict__.items() if k != "address"}
 
 
@@ -114,7 +124,10 @@ class Structure:
 
     @property
     def formal(self) -> tuple[Term, ...]:
-        """Return the effects that are another form of the body's equations (`Effect.formal`)."""
+        """Return the effects that select simplified equations of the rigid body (`Effect.formal`).
+
+        They describe a choice of equations, not a defect of the rig.
+        """
         return tuple(t for t in self.terms if t.effect.formal)
 
     @property
@@ -149,11 +162,17 @@ class Structure:
     def arguments(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the arguments (s, first, address, par, mem) of the compiled functions.
 
-        s (SIZE,) holds the rig's parameters and state, from the parameter ``values`` (n,) in the
-        units of `free`. The effects have H functions: ``first`` and ``address`` are those of
-        `Hooks`. Row i of par (H + 1, PARAMETERS) and of mem (H + 1, MEMORY) holds the parameters of
-        function i and its memory, initially zero (`state_layout`); the last row is unused. For J
-        sets of ``values`` (J, n), s and par are (J, SIZE) and (J, H + 1, PARAMETERS).
+        ``values`` (n,) are the parameters, in the units of `free`. The arguments are:
+
+        - s (SIZE,): parameters and state of the rig (`state_layout`);
+        - first, address: the attributes of `Hooks` with these names, which locate the H compiled
+          functions of the effects;
+        - par (H + 1, PARAMETERS): row i contains the parameters of function i;
+        - mem (H + 1, MEMORY): row i is the memory of function i, initially zero.
+
+        The last rows of par and mem belong to no function; that of mem is work space. For J sets of
+        parameters, ``values`` (J, n), the arrays s and par have a further first dimension of
+        length J.
         """
         sets = [self._context_and_rows(v) for v in np.atleast_2d(values)]
         s, par = np.array([s for s, _ in sets]), np.array([par for _, par in sets])

@@ -1,27 +1,31 @@
 """The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that pitches.
 
-r, p, ψ are roll, pitch, yaw (rad). The bar carries the two motors at ±L_h. The bar has rotational
-inertia only about axes perpendicular to itself. Its angular velocity about these axes is
+r, p, ψ are roll, pitch, yaw (rad). The bar, also called the body, carries the two motors at ±L_h.
+It has rotational inertia only about axes perpendicular to itself. Its angular velocity about these
+axes is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
 
-The other masses, and the bar's as a point, move with the arm. With J_a = J_ψ − J_p the kinetic
-energy T and the potential energy U are
+All other masses are part of the arm. The bar's mass acts on the arm like a point mass at the arm's
+end. With J_a = J_ψ − J_p the kinetic energy T and the potential energy U are
 
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
-with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). Here J_p and J_ψ are
-those of the profile's masses. δJ_p and δJ_ψ are the rig's further inertia (a rotor, a drum, a
-counterweight on the shaft). They occur in M_pp and M_ψψ only. T_g is the gravity torque of
-the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m), with the motor masses m_f, m_b.
-Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
+with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). J_p and J_ψ contain
+only the masses that the profile lists. A real rig has further parts, such as a rotor, a drum or a
+counterweight on the shaft. δJ_p and δJ_ψ are the inertias of these parts about the pitch and the
+yaw axis. They occur in M_pp and M_ψψ only. T_g is the gravity torque of the level arm (N·m).
+G_p = (m_f − m_b) g L_h is that of the level body, with the motor masses m_f, m_b. Lagrange's
+equations M(q) q̈ + h(q, q̇) = Q have
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
     M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
     M_ψψ = J_a cos² r + J_p (sin² r + cos² r cos² p) + δJ_ψ
 
-and, with α = ω̇ at q̈ = 0: α_a = cos r ṙ ψ̇, α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
+Here α_a and α_n are the parts of ω̇_a and ω̇_n that do not contain angular accelerations:
+
+    α_a = cos r ṙ ψ̇        α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇
 
     h_r = J_p (sin p α_n + ω_n (cos p ṗ + sin r cos p ψ̇) − ω_a cos r ψ̇) + J_a cos r sin r ψ̇²
     h_p = J_p (α_a − ω_n (cos p ṙ − cos r sin p ψ̇))
@@ -39,38 +43,50 @@ For small pitch and slow yaw these are the usual textbook equations, on roll for
 J_r r̈ = L_a cos p F − T_g cos r. The motors' mass difference acts through its weight only; its
 product of inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
 
-From here on, J_p and J_ψ include δJ_p and δJ_ψ, and τ are the torques of effects.
+In the rest of this text, J_p and J_ψ include δJ_p and δJ_ψ. τ_r, τ_p, τ_ψ (N·m) are the torques of
+effects (`heli3dof.model.effects`) on the three axes.
 
 **Hover model.** The equations to first order about level hover, where F = T_g/L_a and D = G_p/L_h:
 
     J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
 
 (the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
-because the paper assumes equal motors). With s[LINEAR] = λ (s: `state_layout`) the acceleration is
-(1 − λ) times that of the rigid body plus λ times that of the hover model. λ = 0 without the effect
-``base.hover``.
+because the paper assumes equal motors). The simulated acceleration is
 
-**Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT_YAW_INERTIA] = ν the acceleration is
+    q̈ = (1 − λ) q̈_rigid + λ q̈_hover
+
+with the accelerations q̈_rigid of the rigid body and q̈_hover of the hover model. The weight λ is
+element `LINEAR` of the parameter array s (`state_layout`). λ is 1 in a model with the effect
+``base.hover``, and 0 in all others. The effect ``geometry`` with the parameter a reduces λ to
+1 − a.
+
+**Simplified equations.** Four further elements of s select simplified equations: κ `UNCOUPLED`,
+ν `CONSTANT_YAW_INERTIA`, μ `WITHOUT_RATE_PRODUCTS`, η `SIDE_THRUST`. Each is the parameter of an
+effect `simplified.*`, and 0 in a model without this effect. The following acceleration q̈ replaces
+q̈_rigid, also in the equation with λ:
 
     q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, τ_y/J_ψ − ψ̈_alone)
 
-where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
+q̈_alone are the accelerations if each axis moves alone, without inertia coupling to the others:
 
     J_r r̈ = L_a cos p F − T_g cos r + G_p sin r sin p + τ_r − (1 − μ) J_r sin r cos r ψ̇²
     J_p p̈ = L_h D − G_p cos r cos p + τ_p + (1 − μ) J_p sin p cos p (ṙ² − cos² r ψ̇²)
     ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + (1 − μ) 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
     τ_y = −L_a cos r sin p F + η L_h sin r D + τ_ψ
 
-κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates that q̈_alone
-lacks. The largest omission is M_pψ ψ̈, up to 0.01 N·m on pitch. ν omits the change of J_ψ with the
-arm's tilt, μ all products of rates; η restores L_h sin r D. Each of the four is zero unless the
-model contains its effect `simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of
-the rigid body in the blend with the hover model.
+The value 0 keeps the equations of the rigid body. The value 1 has this meaning:
+
+- κ = 1 omits M_rψ, M_pψ, the term J_p sin² p of M_rr, the torque L_h sin r D, and the products of
+  rates that q̈_alone does not contain. The largest omitted torque is M_pψ ψ̈ on pitch, up to
+  0.01 N·m.
+- ν = 1 makes the inertia about the vertical constant: it no longer depends on roll.
+- μ = 1, together with κ = 1, omits all products of rates.
+- η = 1, together with κ = 1, keeps the torque L_h sin r D.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
-motion. So K_f stays at the profile's value, and T_g, J_r, J_p, J_ψ and every effect's torque are
-estimated *relative to K_f*. If the true K_f is 1.1 times the profile's, each estimate is its true
-value divided by 1.1. The known weight of one part, or the profile's masses, determine this factor.
+motion. So no flight determines the thrust per volt K_f (N/V). The fits use the profile's K_f. If
+the true K_f is 1.1 times this value, the true T_g, J_r, J_p, J_ψ and torques of effects are 1.1
+times their estimates. The profile's masses, or the known weight of one part, determine this factor.
 """
 
 from __future__ import annotations
@@ -102,7 +118,7 @@ call = caller()
 
 @inlined
 def simplified(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Replace the accelerations ``a`` by a blend with those of the simplified equations.
+    """Blend the rigid body's accelerations ``a`` with those of the simplified equations, in place.
 
     Equations: see the head of this file. Arguments: see `body_accelerations`.
     """

@@ -44,9 +44,9 @@ def lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
 def steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
     """Write to out (2,) N the steady-state thrusts at the voltages that act in row k.
 
-    V (N, 2) V are the commanded voltages, h (N,) s the times to the next row. With a delay, earlier
-    rows' voltages act, but none before row ``lead``. Other arguments: see
-    `heli3dof.model.physics.integrator`.
+    V (N, 2) V are the commanded voltages, h (N,) s the times to the next row. If the rig has a
+    delay, the voltages of earlier rows act in row k. Rows before ``lead`` are not used: the voltage
+    of row ``lead`` takes their place. Other arguments: see `heli3dof.model.physics.integrator`.
     """
     whole, part = 0, 0.0
     if s[DELAY] > 0.0:
@@ -66,10 +66,15 @@ def steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: ig
 
 @inlined
 def thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Write each row's steady-state thrusts to ``target``, and its initial thrusts to F (N, 2) N.
+    """Compute the rotors' thrusts in the rows ``lead`` … ``stop`` − 1 from the voltages V (N, 2).
 
-    The function computes rows lead … stop − 1 from the voltages V (N, 2) held for h (N,) s. In row
-    ``lead`` the rotors are in steady state. Other arguments: see
+    A row is a sample. Its voltages (V) act for h[k] s, until the next row. For each row the
+    function writes two thrusts per rotor, in newtons:
+
+    - to ``target`` (N, 2), the steady-state thrusts at the row's voltages;
+    - to F (N, 2), the actual thrusts at the time of the row, which lag behind.
+
+    The first row, ``lead``, starts with rotors in steady state. Other arguments: see
     `heli3dof.model.physics.integrator`.
     """
     tau = s[TAU_M]

@@ -81,7 +81,7 @@ class Stage(enum.IntEnum):
     """The points of a simulation at which an effect's ``f(s, par, mem, out)`` is called."""
 
     SETUP = 0
-    """Called once before a run. ``out`` is ``s``, whose rig parameters the function changes."""
+    """Called once before a simulation. Change the rig parameters in ``out``, which is ``s``."""
     VOLTAGE = 1
     """Called once a sample. Change ``out`` (2,) V, the motors' voltages (front, back), in place."""
     THRUST = 2
