@@ -40,7 +40,8 @@ def import_log(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="A .csv, .mat, .npz, .parquet or .mcap log, or a format of an installed package.",
+            help="A .csv, .txt, .mat, .npz, .parquet or .mcap log, or a format of an installed "
+            "package.",
         ),
     ],
     profile: LogProfile = None,

@@ -110,6 +110,8 @@ def check_time_increases(
     if wrong.any():
         k = int(np.argmax(wrong))
         same = dt[k] == 0
+        # Times that start again from the first one are those of a second log.
+        repeated = len(t) - len(np.unique(t)) if t[k + 1] > t[0] else 0
         mean_s = (t[-1] - t[0]) / (len(t) - 1)
         is_rounded = same and period_s is not None and abs(mean_s / period_s - 1) < SAME_PERIOD
         if not same and not t[k + 1 :].any():
@@ -126,12 +128,16 @@ def check_time_increases(
             if is_rounded
             else "times were printed with too few digits, or a sample was logged twice."
             if same
+            else f"{repeated} rows have the time of another row: they were written twice."
+            if repeated
             else "two logs in one file, unsorted rows, or a clock that was set back.",
             fix=f"{IMPORT} {as_options({'t_s': f'sample/{1 / period_s:g}'})}, if no sample is "
             "missing; or print t_s with more digits"
             if is_rounded and period_s
             else "print t_s with more digits, or remove the repeated rows"
             if same
+            else "remove the repeated rows; keep one log per file"
+            if repeated
             else f"keep one log per file; sort the rows of {source} by t_s",
         )
 
