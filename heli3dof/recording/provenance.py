@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from heli3dof.recording.recording import Recording
 
 PROFILE_FILE = "profile_file"
-"""Key of `Recording.meta`: the file of ``--profile``, if the recording was loaded with it"""
+"""Key of `Recording.meta`: the file of ``--profile``, or else the recording itself, which contains
+the profile; only verbs set it"""
 PACKAGES = ("heli3dof", "numpy", "scipy", "mcap")
 
 
@@ -76,16 +77,15 @@ def profile_file(recordings: Sequence[Recording]) -> str | None:
     """Return the profile's file to name in the command for a further flight of the same rig.
 
     The result is None if the recordings have the default profile, so that no file is needed. Limits
-    are not compared for this, because other versions have other default limits. If the file is
-    unknown, or differs between the recordings, the result is the placeholder ``PROFILE.toml``.
+    are not compared for this, because other versions have other default limits. Of several
+    files, the result is the first. If one is unknown, it is the placeholder ``PROFILE.toml``.
     """
     default = default_profile()
     same_limits = {"limits": default.limits}
     if all(r.profile.model_copy(update=same_limits) == default for r in recordings):
         return None
-    files = {r.meta.get(PROFILE_FILE) for r in recordings}
-    file = files.pop() if len(files) == 1 else None
-    return str(file) if file else "PROFILE.toml"
+    files = [r.meta.get(PROFILE_FILE) for r in recordings]
+    return str(files[0]) if files and all(files) else "PROFILE.toml"
 
 
 def run_command(plan: str, device: str | None, profile: str | None) -> str:
