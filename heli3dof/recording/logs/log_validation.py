@@ -224,16 +224,17 @@ def check_voltages(
     columns that computed them. Raises RecordingError for voltages above 20 times the limit.
     """
     warnings, beyond = list[str](), list[str]()
-    for name, v, expression in zip(("v_front_V", "v_back_V"), (front, back), logged, strict=True):
-        top = float(np.abs(v).max())
+    tops = [float(np.abs(v).max()) for v in (front, back)]
+    each = list(zip(("v_front_V", "v_back_V"), tops, logged, strict=True))
+    in_volts = {name: f"{text}/1000" for name, top, text in each if top > 20 * v_max}
+    for name, top, _ in each:
         command = f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:
             raise RecordingError(
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
                 cause="millivolts or DAC counts instead of volts, or the command instead of the "
                 "limiter's output.",
-                fix=f"convert it to volts: {as_options({name: f'{expression}/1000'})}; rename a "
-                f"command to {command}",
+                fix=f"convert it to volts: {as_options(in_volts)}; rename a command to {command}",
             )
         if top > 1.001 * v_max:
             beyond.append(f"{name} reaches {top:.4g} V")

@@ -196,6 +196,14 @@ def test_a_line_of_units_is_skipped_and_gives_names_with_units(
     assert list(read_log(path, PROFILE).notes)[:1] == ["Line 2 contains units and was skipped."]
 
 
+def test_both_voltages_in_another_unit_are_corrected_at_once(tmp_path: Path) -> None:
+    data = columns() | {n: 1000 * columns()[n] for n in ("v_front_V", "v_back_V")}
+    with pytest.raises(RecordingError, match="v_front_V reaches") as caught:
+        import_log(write(tmp_path, data), PROFILE)
+    options = "--map v_front_V=v_front_V/1000 --map v_back_V=v_back_V/1000"
+    assert options in caught.value.fix
+
+
 def test_a_table_in_a_text_file_is_read_as_csv(tmp_path: Path) -> None:
     table = write(tmp_path, csv_text(columns()).replace(",", "\t"), "log.txt")
     np.testing.assert_array_equal(import_log(table, PROFILE).t, flight(1500).t)
