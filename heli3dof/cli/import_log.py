@@ -15,6 +15,8 @@ from heli3dof.errors import minus
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from heli3dof.rig.profile import Profile
+
 EXAMPLE = """Files of one flight can be given together. Without -o, import writes nothing: it
 shows the name, source, unit and range of each column. The rows of a matrix x after the time are
 x[1], x[2], …
@@ -39,8 +41,8 @@ def import_log(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="A log: .csv, .mat, .npz, .parquet, .mcap, or a format that an installed package "
-            "can read.",
+            help="A log: .csv, .txt, .mat, .npz, .parquet, .mcap, or a format that an installed "
+            "package can read.",
         ),
     ],
     profile: LogProfile = None,
@@ -77,7 +79,6 @@ def import_log(
     from heli3dof.recording.logs.import_log import is_log, read_log, recording_of
     from heli3dof.recording.logs.preview import preview
     from heli3dof.recording.write import write_recording
-    from heli3dof.rig.profile_file import literal
 
     given = parse_mapping(mapping or ())
     there = all(log.exists() for log in logs)  # if not, read_log reports the missing one
@@ -93,12 +94,6 @@ def import_log(
     table = read_log(logs, rig_profile(profile), columns, given, rate)
     found = preview(table)
     out.show(*_lines(found))
-    if given and output is None:
-        out.show(
-            f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:",
-            "[log]",
-            *(f"{name} = {literal(expression)}" for name, expression in given.items()),
-        )
     try:
         recording = recording_of(logs, table)
     except RecordingError as error:
@@ -106,14 +101,29 @@ def import_log(
         raise
     about = summary(recording)
     out.warn(*about["warnings"])
+    if output is not None:
+        write_recording(recording, output, force=force)
+        out.show(info_table(about))
+    out.show(*_log_table(given, recording.profile, profile))
     if output is None:
         out.note(f"Nothing was written. To write the recording: -o {quoted(recording.name)}.mcap")
     else:
-        write_recording(recording, output, force=force)
-        out.show(info_table(about))
         out.note(f"Recording: {output}")
     file = None if output is None else str(output)
     out.emit({"schema": "heli3dof.info/1", "file": file, **about, "import": found})
+
+
+def _log_table(given: Mapping[str, str], profile: Profile, file: Path | None) -> Iterator[str]:
+    """Yield the entries of ``given`` that ``[log]`` of ``profile``, read from ``file``, lacks."""
+    from heli3dof.rig.profile_file import literal
+
+    known = profile.log.expressions if profile.log is not None else {}
+    lacking = {name: text for name, text in given.items() if known.get(name) != text}
+    if lacking:
+        place = f"{'[log] of ' if known else ''}{file or 'its profile'}"
+        yield f"To use this mapping for every log of the rig, add to {place}:"
+        yield from [] if known else ["[log]"]
+        yield from (f"{name} = {literal(text)}" for name, text in lacking.items())
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:

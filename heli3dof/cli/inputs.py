@@ -36,10 +36,8 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
             raise
         for warning in recording.meta.get("warnings", ()):
             out.warn(f"{path.name}: {warning}")
-        if profile is not None:
-            meta = {**recording.meta, PROFILE_FILE: str(profile)}
-            recording = replace(recording, meta=meta)
-        loaded.append(recording)
+        meta = {**recording.meta, PROFILE_FILE: str(profile or path)}
+        loaded.append(replace(recording, meta=meta))
     return loaded
 
 

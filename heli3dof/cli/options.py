@@ -125,10 +125,14 @@ def rig_profile(file: Path | None) -> Profile:
 def log_profile(file: Path | None) -> Profile | None:
     """Return the profile in the file of ``--profile``, or None if the option is omitted.
 
-    Recordings of heli3dof contain a profile and need no option.
+    The file is a TOML file, or a recording of heli3dof (``.mcap``), which contains a profile.
     """
-    from heli3dof.rig.profile import load_profile
+    from heli3dof.rig.profile import load_profile, profile_from_dict
 
+    if file is not None and file.suffix == ".mcap":
+        from heli3dof.recording.mcap_files.reader import read_recording
+
+        return profile_from_dict(read_recording(file).profile.to_dict(), source=str(file))
     return load_profile(file) if file else None
 
 

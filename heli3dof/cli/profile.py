@@ -55,7 +55,7 @@ def new(
     from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys
     from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
-    from heli3dof.rig.profile_file import merged, new_text, settings
+    from heli3dof.rig.profile_file import HOVER_REMARK, merged, new_text, settings
     from heli3dof.toml_file import read_toml, value_at
 
     path = output or Path("rig.toml")
@@ -63,11 +63,15 @@ def new(
     given = settings(words or ())
     check_keys(given)
     data = given
-    if start is not None:
-        load_profile(start)  # raises ProfileError if it is invalid
-        data = merged(read_toml(start, "profile", ProfileError), given)
-    ask_missing(out, data)
     remarks: dict[str, str] = {}
+    if start is not None:
+        old = load_profile(start)  # raises ProfileError if it is invalid
+        data = merged(read_toml(start, "profile", ProfileError), given)
+        if value_at(given, COMPUTED) is None and HOVER_REMARK in start.read_text("utf-8-sig"):
+            remarks[COMPUTED] = HOVER_REMARK
+            if old.motor.V_o == _rounded_hover_voltage(old):  # else measured, or other masses
+                data["motor"].pop("V_o")
+    ask_missing(out, data)
     if value_at(data, COMPUTED) is None:
         _compute_hover_voltage(data, remarks)
     if no_controller:
@@ -201,15 +205,19 @@ def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> Non
     ``data``: the profile as nested dicts; ``remarks``: dotted key → comment.
     """
     from heli3dof.rig.profile import profile_from_dict
-    from heli3dof.rig.profile_file import put
-    from heli3dof.rig.profile_remarks import estimated_hover_voltage
+    from heli3dof.rig.profile_file import HOVER_REMARK, put
 
     put(data, "motor.V_o", 0.0)  # valid for any amplifier, so that all other keys are checked
     rough = profile_from_dict(data, source=SOURCE)
-    put(data, "motor.V_o", float(f"{estimated_hover_voltage(rough):.4g}"))
-    remarks["motor.V_o"] = (
-        "COMPUTED from the masses, with the sign that follows from the rest angle: measure it"
-    )
+    put(data, "motor.V_o", _rounded_hover_voltage(rough))
+    remarks["motor.V_o"] = HOVER_REMARK
+
+
+def _rounded_hover_voltage(profile: Profile) -> float:
+    """Return the estimated hover voltage (V) with the digits that ``profile new`` writes."""
+    from heli3dof.rig.profile_remarks import estimated_hover_voltage
+
+    return float(f"{estimated_hover_voltage(profile):.4g}")
 
 
 def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:

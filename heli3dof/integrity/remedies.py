@@ -6,7 +6,13 @@ encoder counts, so the profile's counts and rest angles do not change the angles
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
+
 from heli3dof.axes import MOTORS
+from heli3dof.recording.logs.column_mapping import mapped
+from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.logs.known_names import as_options, operand
 from heli3dof.recording.recording import Recording
 
@@ -19,10 +25,10 @@ def is_log(recording: Recording) -> bool:
 def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
     """Return the column that contains ``quantity``, and how import computed it from the log.
 
-    The second value is an expression of the log's columns, such as ``-x[3]``. If import copied the
-    column unchanged, it is the column's name. ``quantity``: ``roll``, ``pitch``, ``yaw``,
-    ``v_front_V`` or ``v_back_V``. An angle's column has the unit of the log's mapping, or degrees
-    without a mapping.
+    The second value is an expression of the log's columns, such as ``-x[3]``. Other mapped columns
+    in it are replaced by their expressions. If import copied the column unchanged, it is the
+    column's name. ``quantity``: ``roll``, ``pitch``, ``yaw``, or the name of a voltage's column. An
+    angle's column has the unit of the log's mapping, or degrees without a mapping.
     """
     mapping = recording.meta.get("log_mapping") or {}
     names = [f"{quantity}_rad", f"{quantity}_deg", quantity]
@@ -30,7 +36,18 @@ def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
     if column is None:
         column = quantity if quantity.endswith("_V") else f"{quantity}_deg"
         return column, column
-    return column, str(mapping[column])
+    own = {n: str(e) for n, e in mapping.items() if not re.search(_word(n), str(e))}
+    expression = str(mapping[column])
+    for _ in own:  # a chain of mapped columns is at most as long as the mapping
+        for name, inner in own.items():
+            if name != column:
+                expression = re.sub(_word(name), operand(inner).replace("\\", r"\\"), expression)
+    return column, expression
+
+
+def _word(name: str) -> str:
+    """Return the regular expression of ``name`` as a whole word."""
+    return rf"(?<!\w){re.escape(name)}(?!\w)"
 
 
 def log_remedy(recording: Recording, quantity: str, form: str) -> str:
@@ -59,15 +76,40 @@ def voltage_remedy(recording: Recording, front: str = "{f}", back: str = "{b}") 
     """Return how to correct the motors' voltages; for a log, this is a new import with ``--map``.
 
     ``front``, ``back``: expressions of the correct voltages, in which ``{f}`` and ``{b}`` stand for
-    the recorded front and back voltage. The defaults leave a voltage unchanged.
+    the recorded front and back voltage. The defaults leave a voltage unchanged. The expressions are
+    applied to the commanded voltages, too, if these have the same fault.
     """
-    (f_column, f), (b_column, b) = (column_of(recording, f"v_{m}_V") for m in MOTORS)
-    recorded = {"f": operand(f), "b": operand(b)}
-    options = {
-        column: expression.format(**recorded)
-        for column, expression in ((f_column, front), (b_column, back))
-        if expression not in ("{f}", "{b}")
-    }
+    options: dict[str, str] = {}
+    forms = ["v_{}_V"]
+    if _has_same_fault(recording, front, back):
+        forms.append("v_{}_cmd_V")
+    for form in forms:
+        (f_column, f), (b_column, b) = (column_of(recording, form.format(m)) for m in MOTORS)
+        recorded = {"f": operand(f), "b": operand(b)}
+        options |= {
+            column: expression.format(**recorded)
+            for column, expression in ((f_column, front), (b_column, back))
+            if expression not in ("{f}", "{b}")
+        }
     if is_log(recording):
         return f"import the log with {as_options(options)}"
     return "compute " + " and ".join(f"{c} as {e}" for c, e in options.items())
+
+
+def _has_same_fault(recording: Recording, front: str, back: str) -> bool:
+    """Return True if the commands are nearer to the recorded voltages than to the right ones.
+
+    ``front``, ``back``: the right voltages, as expressions of the recorded ones (`voltage_remedy`).
+    """
+    rows = np.isfinite(recording.voltage_cmd).all(axis=1) & np.isfinite(recording.voltage).all(1)
+    if not rows.any():
+        return False
+    voltage, command = recording.voltage[rows], recording.voltage_cmd[rows]
+    logged = Table("", {"f": voltage[:, 0], "b": voltage[:, 1]}, str)
+    right = {"v_front_V": front.format(f="f", b="b"), "v_back_V": back.format(f="f", b="b")}
+    columns = mapped(logged, right, {}).columns
+    distances = (
+        np.median(np.abs(command - each).sum(axis=1))
+        for each in (voltage, np.column_stack([columns[name] for name in right]))
+    )
+    return bool(next(distances) < next(distances))

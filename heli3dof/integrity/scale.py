@@ -45,10 +45,10 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.integrity.remedies import angle_remedy
+from heli3dof.integrity.remedies import angle_remedy, voltage_remedy
 from heli3dof.integrity.response import Response
 from heli3dof.integrity.view import View
-from heli3dof.integrity.voltage import ANOTHER_UNIT
+from heli3dof.integrity.voltage import ANOTHER_UNIT, BEYOND
 from heli3dof.recording.logs.angle_units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08
@@ -207,7 +207,13 @@ def amplifier(view: View) -> Iterable[Fault]:
     K, h = gain_and_hover
     factor = float(np.sqrt(K / h))
     switch = min(abs(np.log(factor * 3)), abs(np.log(factor / 3))) < SWITCH
-    V_o = r.profile.motor.V_o
+    V_o, v_max = r.profile.motor.V_o, r.profile.motor.v_max
+    if switch:
+        times, right = ("3", 3.0) if factor > 1 else ("1/3", 1 / 3)
+    else:
+        times, right = f"{factor:.3g}", factor
+    exceeds = right * float(np.nanmax(np.abs(r.voltage))) > BEYOND * v_max
+    remedy = voltage_remedy(r, f"{times}*{{f}}", f"{times}*{{b}}")
     yield Fault(
         "amplifier.gain", Kind.BAD_DATA, r.name,
         f"{r.name}: every axis responds {K:.3g} times as strongly as the profile predicts, and the "
@@ -215,7 +221,8 @@ def amplifier(view: View) -> Iterable[Fault]:
         "the logged voltage.",
         "the amplifier's gain switch (1 or 3) differs from the profile and the log."
         if switch else "the voltages were logged before an amplifier or behind a divider.",
-        f"set the switch, or multiply the logged voltages (and v_max) by {factor:.3g}",
+        f"{'set the switch, or ' if switch else ''}{remedy}"
+        + (f", and multiply motor.v_max by {times}" if exceeds else ""),
         effect="motor.thrust_gain",
         parameters={"gain": (factor, factor * abs(float(np.log(K * h))) / 2)}, confidence=0.99,
     )  # fmt: skip

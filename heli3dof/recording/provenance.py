@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from heli3dof.recording.recording import Recording
 
 PROFILE_FILE = "profile_file"
-"""Key of `Recording.meta`: the file of ``--profile``, if the recording was loaded with it"""
+"""Key of `Recording.meta`: the file of ``--profile``, or else the recording itself, which contains
+the profile; only verbs set it"""
 PACKAGES = ("heli3dof", "numpy", "scipy", "mcap")
 
 
@@ -78,15 +79,14 @@ def profile_file(recordings: Sequence[Recording]) -> str | None:
     The result is None if the recordings have the default profile, which the command uses without
     ``--profile``. The comparison with the default profile leaves out the limits, because default
     limits differ between versions of heli3dof. The result is the placeholder ``PROFILE.toml`` if
-    the path is unknown, or differs between the recordings.
+    a path is unknown. If the paths differ, it is that of the first recording.
     """
     default = default_profile()
     same_limits = {"limits": default.limits}
     if all(r.profile.model_copy(update=same_limits) == default for r in recordings):
         return None
-    files = {r.meta.get(PROFILE_FILE) for r in recordings}
-    file = files.pop() if len(files) == 1 else None
-    return str(file) if file else "PROFILE.toml"
+    files = [r.meta.get(PROFILE_FILE) for r in recordings]
+    return str(files[0]) if files and all(files) else "PROFILE.toml"
 
 
 def run_command(plan: str, device: str | None, profile: str | None) -> str:

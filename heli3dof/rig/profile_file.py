@@ -28,6 +28,10 @@ SECTIONS = {
     "log": 'columns of other programs\' logs: roll_deg = "57.2958 * x[5]"',
     "controller": "without this table the controller of an imported log is unknown",
 }
+HOVER_REMARK = (
+    "COMPUTED from the masses, with the sign that follows from the rest angle: measure it"
+)
+"""Comment that marks a hover voltage ``motor.V_o`` which was not measured"""
 
 
 @dataclass(frozen=True)
@@ -152,9 +156,15 @@ def literal(value: Any) -> str:
 
 
 def changed_text(text: str, changes: Iterable[Change]) -> str:
-    """Return the TOML file ``text`` with ``changes`` made; all other lines stay as they are."""
+    """Return the TOML file ``text`` with ``changes`` made; all other lines stay as they are.
+
+    A changed ``motor.V_o`` loses its mark `HOVER_REMARK`.
+    """
     import tomlkit
 
+    changes = list(changes)
+    if any(change.key == "motor.V_o" for change in changes):
+        text = text.replace(f"# {HOVER_REMARK}\n", "")
     document: Any = tomlkit.parse(text)
     for change in changes:
         *above, last = change.key.split(".")

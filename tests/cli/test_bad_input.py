@@ -307,13 +307,20 @@ def test_a_similar_name_replaces_the_command_that_lists_the_folder(tmp_path: Pat
     assert error["fix"] == f"again with {tmp_path / 'cable.mcap'}"
 
 
-@pytest.mark.parametrize("option", ["--model", "--profile"])
-def test_a_recording_given_as_model_or_profile_is_named(option: str, tmp_path: Path) -> None:
+def test_a_recording_given_as_model_is_named(tmp_path: Path) -> None:
     given = tmp_path / "rec.mcap"
     given.write_bytes(b"\x89MCAP0\r\n\xff")
-    error = heli3dof("simulate", "steps", option, given, "--json").document
+    error = heli3dof("simulate", "steps", "--model", given, "--json").document
     assert "codec" not in error["error"]
     assert "another kind of file (a recording?)" in error["cause"]
+
+
+def test_a_damaged_recording_given_as_profile_is_named(tmp_path: Path) -> None:
+    given = tmp_path / "rec.mcap"
+    given.write_bytes(b"\x89MCAP0\r\n\xff")
+    error = heli3dof("simulate", "steps", "--profile", given, "--json").document
+    assert str(given) in error["error"]
+    assert "recover" in error["fix"]
 
 
 def test_a_profile_and_a_plan_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:

@@ -119,6 +119,11 @@ def test_the_next_flight_has_the_profile_of_the_recordings(tmp_path: Path) -> No
     file.write_text(RIG.read_text("utf-8").replace("table-1", "lab"), "utf-8")
     (loaded,) = load_all(Output(quiet=True), [log], file)
     assert rig_to_fly([loaded]) == {"profile": str(file)}
+    recording = write_recording(other, tmp_path / "lab.mcap")
+    loaded_recordings = load_all(Output(quiet=True), [recording, recording], None)
+    assert rig_to_fly(loaded_recordings) == {"profile": str(recording)}
+    done = heli3dof("run", "rich", "--dry-run", "--profile", recording)
+    assert done.code == 0, done.err
 
 
 def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(

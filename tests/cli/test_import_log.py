@@ -53,14 +53,16 @@ def test_without_an_output_only_the_preview_is_printed(raw: tuple[str, str]) -> 
 
 
 def test_the_printed_table_keeps_the_mapping_in_a_profile(raw: tuple[str, str]) -> None:
-    shown = heli3dof("import", *raw, "--profile", RIG, *MAP).out
-    assert "[log]" not in heli3dof("import", *raw, "--profile", RIG, *MAP, "-o", "rec.mcap").out
+    shown = heli3dof("import", *raw, "--profile", RIG, *MAP, "-o", "rec.mcap").out
     table = shown[shown.index("[log]") :]
+    assert heli3dof("import", *raw, "--profile", RIG, *MAP).out.endswith(table)
     assert tomllib.loads(table)["log"]["roll_deg"] == "degrees(x_enc[1])"
     Path("rig.toml").write_text(f"{RIG.read_text()}\n{table}")
     by_profile = heli3dof("import", *raw, "--profile", "rig.toml", "--json").document
     by_options = heli3dof("import", *raw, "--profile", RIG, *MAP, "--json").document
     assert by_profile["digest"] == by_options["digest"]
+    again = heli3dof("import", *raw, "--profile", "rig.toml", *MAP, "--map", "yaw_rad=x_enc[2]").out
+    assert again.endswith('add to [log] of rig.toml:\nyaw_rad = "x_enc[2]"\n')
 
 
 def test_a_log_without_our_names_shows_its_own_before_the_error(raw: tuple[str, str]) -> None:

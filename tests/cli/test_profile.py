@@ -13,7 +13,7 @@ from heli3dof.cli import profile_questions as module
 from heli3dof.diagnosis import diagnose
 from heli3dof.experiment.plan import named_plans
 from heli3dof.rig.profile import TABLE_I, default_profile, load_profile
-from heli3dof.rig.profile_file import merged, new_text
+from heli3dof.rig.profile_file import HOVER_REMARK, merged, new_text
 from tests.cli.running import Result, heli3dof
 from tests.flown import first_part
 
@@ -48,6 +48,29 @@ def test_the_papers_numbers_give_the_papers_profile(tmp_path: Path) -> None:
     assert "the masses give" not in result.err
     assert result.document["loop"]["stable"] is True
     assert result.document["loop"]["disc_margin"] == pytest.approx(0.81, abs=0.01)
+
+
+def test_a_computed_hover_voltage_follows_the_numbers_and_a_measured_one_stays(
+    tmp_path: Path,
+) -> None:
+    computed, new = tmp_path / "computed.toml", ("profile", "new", "--force", "--no-controller")
+    assert heli3dof(*new, *sets(), "-o", computed).code == 0
+
+    def copy_of(path: Path, *words: str) -> tuple[float, bool]:
+        copy = tmp_path / "copy.toml"
+        assert heli3dof(*new, "--from", path, "-o", copy, *words).code == 0
+        return load_profile(copy).motor.V_o, HOVER_REMARK in copy.read_text()
+
+    assert copy_of(computed) == (7.456, True)
+    K_f = load_profile(computed).motor.K_f
+    assert copy_of(computed, "--set", f"motor.K_f={K_f / 2}") == (pytest.approx(14.91), True)
+    assert copy_of(computed, "--set", "motor.V_o=7") == (7.0, False)
+    measured, kept = tmp_path / "measured.toml", tmp_path / "kept.toml"
+    text = computed.read_text().replace("V_o = 7.456", "V_o = 7.1")
+    kept.write_text(text)
+    measured.write_text(text.replace(f"# {HOVER_REMARK}\n", ""))
+    assert copy_of(measured, "--set", f"motor.K_f={K_f / 2}") == (7.1, False)
+    assert copy_of(kept, "--set", f"motor.K_f={K_f / 2}") == (7.1, True)
 
 
 def test_a_gain_is_designed_for_a_rig_of_another_size(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from heli3dof.axes import MOTORS
 from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.remedies import column_of, voltage_remedy
 from heli3dof.integrity.view import View
 from heli3dof.integrity.voltage import OPPOSED
 from heli3dof.recording.logs.column_mapping import parse_mapping
@@ -69,6 +70,48 @@ def test_a_log_in_another_unit_is_corrected_by_the_expressions_of_its_columns(
     assert fault.fix == (
         f"import the log with --map 'v_front_V={k}*v_front_V' --map 'v_back_V={k}*(u[1]+0)'"
     )
+
+
+def options_of(fix: str) -> dict[str, str]:
+    """Return the mapping that the ``--map`` options of a remedy state."""
+    words = shlex.split(fix)
+    return parse_mapping([after for word, after in itertools.pairwise(words) if word == "--map"])
+
+
+@pytest.mark.parametrize(
+    ("form", "inverse"),
+    [("100/24*{}", "0.24*{}"), ("{}/24", "24*{}"), ("{}/3", "3*{}"), ("{}-7.4", "{}+7.4")],
+)
+def test_commands_in_the_same_unit_are_corrected_too(
+    form: str, inverse: str, tmp_path: Path
+) -> None:
+    r, log = flight("steps"), tmp_path / "log.csv"
+    export(r, log)
+    logged = [f"v_{m}{kind}_V" for m in MOTORS for kind in ("", "_cmd")]
+    wrong = import_log(log, r.profile, mapping={n: form.format(n) for n in logged})
+    options = options_of(only(wrong).fix)
+    assert set(options) == set(logged)
+    right = import_log(log, r.profile, mapping=options)
+    assert np.allclose(right.voltage, r.voltage, atol=0.1)
+    assert np.allclose(right.voltage_cmd, r.voltage_cmd, atol=0.1)
+    half = import_log(log, r.profile, mapping={n: form.format(n) for n in logged[::2]})
+    remedy = voltage_remedy(half, inverse.format("{f}"), inverse.format("{b}"))
+    assert set(options_of(remedy)) == {"v_front_V", "v_back_V"}
+
+
+def test_a_remedy_contains_only_columns_of_the_log() -> None:
+    mapping = {"v_front_cmd_V": "5*u", "v_front_V": "clip(v_front_cmd_V, -9, 9)", "v_back_V": "w"}
+    r = replace(flight(), meta={"name": "log", "source": "import", "log_mapping": mapping})
+    assert column_of(r, "v_front_V") == ("v_front_V", "clip((5*u), -9, 9)")
+    assert column_of(r, "v_back_V") == ("v_back_V", "w")
+
+
+def test_the_limit_is_named_only_if_the_amplified_voltages_exceed_it() -> None:
+    r = with_voltage(flight(), 1 / 3)
+    assert "v_max" not in only(r).fix
+    motor = r.profile.motor.model_copy(update={"v_max": r.profile.motor.v_max / 3})
+    lower = replace(r, profile=r.profile.model_copy(update={"motor": motor}))
+    assert only(lower).fix.endswith("multiply motor.v_max by 3")
 
 
 def about_hover(r: Recording) -> Recording:
@@ -131,9 +174,7 @@ def test_sum_and_difference_are_named_with_the_way_back(
     assert (fault.check, fault.kind) == ("columns.sum_and_difference", Kind.BAD_DATA)
     log = tmp_path / "log.csv"
     export(r, log)
-    words = shlex.split(fault.fix)
-    options = [after for word, after in itertools.pairwise(words) if word == "--map"]
-    again = import_log(log, r.profile, mapping=parse_mapping(options))
+    again = import_log(log, r.profile, mapping=options_of(fault.fix))
     assert np.allclose(again.voltage, flight(plan).voltage, atol=1e-6)
     assert names(again, Kind.BAD_DATA) == set()
 
@@ -237,5 +278,5 @@ def test_a_wrong_sign_of_one_motor_is_not_another_unit(motor: int) -> None:
     sign = np.where(np.arange(2) == motor, -1.0, 1.0)
     fault = only(replace(r, voltage=r.voltage * sign, voltage_cmd=r.voltage_cmd * sign))
     assert (fault.check, fault.kind) == ("voltage.sign", Kind.BAD_DATA)
-    column = f"v_{MOTORS[motor]}_V"
-    assert fault.fix == f"compute {column} as -{column}"
+    voltage, command = f"v_{MOTORS[motor]}_V", f"v_{MOTORS[motor]}_cmd_V"
+    assert fault.fix == f"compute {voltage} as -{voltage} and {command} as -{command}"

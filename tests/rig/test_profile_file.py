@@ -11,7 +11,7 @@ import pytest
 import heli3dof as h3
 from heli3dof.errors import UsageError
 from heli3dof.rig.profile import TABLE_I, Profile, default_profile, profile_from_dict
-from heli3dof.rig.profile_file import Change, changed_text, new_text, settings
+from heli3dof.rig.profile_file import HOVER_REMARK, Change, changed_text, new_text, settings
 from heli3dof.toml_file import keys
 
 
@@ -55,6 +55,13 @@ def test_a_change_keeps_comments_and_adds_its_own() -> None:
     assert "v_max = 24.0   # the supply" in changed
     assert "K_f = 0.1 # ± 0.004, from model.json; was 0.12" in changed
     assert tomllib.loads(changed)["inertia"] == {"yaw": 1.1}
+
+
+def test_a_changed_hover_voltage_is_no_longer_marked_as_computed() -> None:
+    text = new_text(TABLE_I, {"motor.V_o": HOVER_REMARK})
+    other, V_o = Change("motor.K_f", 0.1, 0.12, "measured"), Change("motor.V_o", 7, 8, "measured")
+    assert HOVER_REMARK in changed_text(text, [other])
+    assert HOVER_REMARK not in changed_text(text, [other, V_o])
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,9 @@ NEWTON_WINDOW_S = 0.25
 NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
 """Limit of `newton`'s ratio: the geometric mean of 1 (right unit) and 57.3 (wrong unit)"""
 
+WRAP = 0.05
+"""Largest difference of a jump from a whole turn, as a share of it: the axis moves meanwhile.
+Chosen; 18° within a sample exceed the speed of every rig."""
 COUNTS_FACTOR = 4.0
 """`newton`'s ratio above which whole numbers stated in degrees are raw encoder counts. 4096 or 8192
 counts per revolution give 11 or 23; real rigs give up to 2.7."""
@@ -99,9 +102,9 @@ def _check_angle(
     axis, unit, counts = _of_column(name, profile)
     if np.ptp(values) == 0:
         return [f"{name} never changes: the axis is clamped, or its encoder is not connected."]
+    warnings = _wrap_warnings(name, values, TURN[unit], expression)
     found = newton(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
     ratio = None if found is None else found[0]
-    warnings: list[str] = []
     if found is not None and found[1] < AGAINST:
         other = ", or front and back are swapped or are sum and difference"
         warnings.append(
@@ -131,6 +134,19 @@ def _check_angle(
     if unit == "rad" and largest > 2 * np.pi:
         warnings.append(f"{name} reaches {largest:.3g}, more than a turn: it may be in degrees.")
     return warnings
+
+
+def _wrap_warnings(name: str, values: np.ndarray, turn: float, logged: str) -> list[str]:
+    """Return a warning if the angles (N,) jump by a whole ``turn`` between two samples."""
+    jumps = np.abs(np.abs(np.diff(values)) - turn) < WRAP * turn
+    if not jumps.any():
+        return []
+    argument = logged if logged.startswith("(") else f"({logged})"
+    times = f"{jumps.sum()} times" if jumps.sum() > 1 else "once"
+    return [
+        f"{name} jumps by a whole turn within one sample, {times}. Likely cause: the angle is "
+        f"wrapped. Try: import the log with {as_options({name: f'unwrap{argument}'})}"
+    ]
 
 
 def _of_column(name: str, profile: Profile) -> tuple[str, str, int]:

@@ -18,7 +18,7 @@ from heli3dof.recording.logs.column_mapping import mapped
 from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
-from heli3dof.recording.logs.joined_tables import join
+from heli3dof.recording.logs.joined_tables import join, join_used
 from heli3dof.recording.logs.known_names import with_own_names
 from heli3dof.recording.logs.lower_rate import at_rate, with_mean_voltages
 from heli3dof.recording.mcap_files.mcap_scan import read_bytes, refuse_stream, what_is
@@ -84,7 +84,9 @@ def read_log(
             cause="the files are parts of one flight.",
             fix="--map, with the names that heli3dof import shows without --columns",
         )
-    table = join([_table(path, profile, columns) for path in files])
+    defaults = profile.log.expressions if profile is not None and profile.log is not None else {}
+    expressions = [*(mapping or {}).values(), *defaults.values()]
+    table = join([_table(path, profile, columns, expressions) for path in files])
     profile = profile or table.profile
     assert profile is not None  # else the importer has raised an error
     defaults = profile.log.expressions if profile.log is not None else {}
@@ -128,8 +130,13 @@ def _digest(path: Path) -> dict[str, Any]:
     return {"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
 
 
-def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | None) -> Table:
-    """Return the table of one file; the arguments are those of `import_log`."""
+def _table(
+    path: Path,
+    profile: Profile | None,
+    columns: str | Sequence[str] | None,
+    expressions: Sequence[str],
+) -> Table:
+    """Return the table of one file; the arguments are those of `_read` and `import_log`."""
     if not path.exists():
         raise no_file(path, "recording", RecordingError)
     refuse_stream(path)
@@ -143,19 +150,27 @@ def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | N
             fix=f"add profile='PROFILE.toml', or import it once: heli3dof import {quoted(path)} "
             f"--profile PROFILE.toml -o {quoted(stem(path))}.mcap",
         )
-    return _read(importer, path, profile, columns)
+    return _read(importer, path, profile, columns, expressions)
 
 
 def _read(
-    importer: Importer, path: Path, profile: Profile | None, columns: str | Sequence[str] | None
+    importer: Importer,
+    path: Path,
+    profile: Profile | None,
+    columns: str | Sequence[str] | None,
+    expressions: Sequence[str],
 ) -> Table:
     """Return the file's table; convert an importer's unexpected exceptions to RecordingError.
 
+    ``expressions``: those that compute the recording's columns, from the command and the profile.
     So an importer need not convert the exceptions of its parser. Errors of heli3dof and OSError are
     not converted.
     """
     try:
-        table = importer.read(path, profile, columns)
+        if importer.read_tables is not None and columns is None:
+            table = join_used(importer.read_tables(path), expressions)
+        else:
+            table = importer.read(path, profile, columns)
         must_be(Table, table)
         return replace(table, columns=_numeric(table.columns))
     except (Heli3dofError, OSError):

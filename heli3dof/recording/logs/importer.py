@@ -56,6 +56,9 @@ class Importer:
     recognises: Callable[[Path], bool] | None = None
     """Returns True if a file has this format; None: its name's ending decides. An exception counts
     as False."""
+    read_tables: Callable[[Path], Sequence[Table]] | None = None
+    """Returns the tables of a file with several clocks, which ``read`` joins. Those that no
+    mapping needs can then be left out (`joined_tables.join_used`)."""
     carries_profile: bool = False
     """True if ``read`` can return the rig's profile; other formats need ``--profile``"""
 

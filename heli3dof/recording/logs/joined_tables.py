@@ -7,6 +7,7 @@ uses the means of the voltages.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -17,8 +18,10 @@ import numpy as np
 from heli3dof.errors import RecordingError
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importer import Table
+from heli3dof.recording.logs.known_names import own_name
 from heli3dof.recording.logs.log_validation import check_time_increases
 from heli3dof.recording.logs.lower_rate import MEANS, interval_means
+from heli3dof.rig.log_columns import KNOWN
 
 CLOCK_NAMES = ("t_s", "time", "t", "tout", "time_s", "seconds")
 """Names (lower case) that a log's clock may have, in order of priority"""
@@ -87,9 +90,14 @@ def join(tables: Sequence[Table]) -> Table:
         keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
         is_faster = len(keep) > 1 and float(np.median(np.diff(keep))) > 1
         if len(keep) < n and "t_s" in table.columns:
+            others = [
+                _signals(t)
+                for t in clocked
+                if not np.array_equal(t.columns["t_s"], table.columns["t_s"])
+            ]
             text = (
-                f"{_signals(table)}: {n - len(keep)} of {n} samples were left out, because other "
-                "signals have none at these times."
+                f"{_signals(table)}: {n - len(keep)} of {n} samples were left out, for "
+                f"lack of samples of {' and '.join(others[:NAMED])} at these times."
             )
             if is_faster:
                 kept_hz = 1 / float(np.median(np.diff(table.columns["t_s"][keep])))
@@ -97,6 +105,8 @@ def join(tables: Sequence[Table]) -> Table:
                     f" The other rows are kept, {MEANS} If the profile has another loop.rate_hz, "
                     f"add --rate {kept_hz:.4g}."
                 )
+            else:
+                text += " If these signals are of different flights, use those of one only."
             warnings.append(text)
         for name, values in table.columns.items():
             is_clock = name in ("t_s", table.origins.get("t_s"))
@@ -125,6 +135,45 @@ def join(tables: Sequence[Table]) -> Table:
         paths,
         [f"{table.source}: {text}" for table in tables for text in table.notes],
     )
+
+
+def join_used(tables: Sequence[Table], expressions: Iterable[str]) -> Table:
+    """Return one file's tables, joined, without those that only make the log shorter.
+
+    Such a table has no column of ``expressions`` or of docs/reference/recording.md, and `join`
+    leaves out rows because of it, or refuses it. ``ignored`` of the result names it. If no table
+    has such a column, all are joined.
+    """
+    text = "\n".join(expressions)
+    used = [table for table in tables if _is_used(table, text)]
+    if not used or len(used) == len(tables):
+        return join(tables)
+    kept, n = used, len(join(used))
+    ignored = [entry for table in tables for entry in table.ignored]
+    for table in tables:
+        if any(table is each for each in kept):
+            continue
+        more = [t for t in tables if t is table or any(t is each for each in kept)]
+        try:
+            keeps_rows = len(join(more)) == n
+        except RecordingError:
+            keeps_rows = False
+        if keeps_rows:
+            kept = more
+        else:
+            ignored.append(f"{_signals(table)}: not mapped, and not sampled at all times")
+    return replace(join(kept), ignored=ignored)
+
+
+def _is_used(table: Table, text: str) -> bool:
+    """Return True if ``table`` has a column of docs/reference/recording.md, or named in ``text``.
+
+    The column of its clock does not count.
+    """
+    names = table.columns.keys() - {"t_s", table.origins.get("t_s")}
+    own = any(name in KNOWN or own_name(name) for name in names)
+    words = [re.escape(name) for name in (*names, *table.paths)]
+    return own or bool(words and re.search(rf"(?<![\w.\]])(?:{'|'.join(words)})(?![\w(\[])", text))
 
 
 def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:

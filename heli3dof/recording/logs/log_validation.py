@@ -116,6 +116,8 @@ def check_time_increases(
     if wrong.any():
         k = int(np.argmax(wrong))
         same = dt[k] == 0
+        # Times that start again from the first one are those of a second log.
+        repeated = len(t) - len(np.unique(t)) if t[k + 1] > t[0] else 0
         mean_s = (t[-1] - t[0]) / (len(t) - 1)
         is_rounded = same and period_s is not None and abs(mean_s / period_s - 1) < SAME_PERIOD
         if not same and not t[k + 1 :].any():
@@ -132,12 +134,16 @@ def check_time_increases(
             if is_rounded
             else "times were printed with too few digits, or a sample was logged twice."
             if same
+            else f"{repeated} rows have the time of another row: they were written twice."
+            if repeated
             else "two logs in one file, unsorted rows, or a clock that was set back.",
             fix=f"{IMPORT} {as_options({'t_s': f'sample/{1 / period_s:g}'})}, if no sample is "
             "missing; or print t_s with more digits"
             if is_rounded and period_s
             else "print t_s with more digits, or remove the repeated rows"
             if same
+            else "remove the repeated rows; keep one log per file"
+            if repeated
             else f"keep one log per file; sort the rows of {source} by t_s",
         )
 
@@ -227,17 +233,17 @@ def check_voltages(
     the limit.
     """
     warnings, beyond = list[str](), list[str]()
-    signals = zip(("v_front_V", "v_back_V"), (front, back), expressions, strict=True)
-    for name, v, expression in signals:
-        top = float(np.abs(v).max())
+    tops = [float(np.abs(v).max()) for v in (front, back)]
+    each = list(zip(("v_front_V", "v_back_V"), tops, expressions, strict=True))
+    in_volts = {name: f"{text}/1000" for name, top, text in each if top > 20 * v_max}
+    for name, top, _ in each:
         command = f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:
             raise RecordingError(
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
                 cause="millivolts or DAC counts instead of volts, or the command instead of the "
                 "limiter's output.",
-                fix=f"convert it to volts: {as_options({name: f'{expression}/1000'})}; rename a "
-                f"command to {command}",
+                fix=f"convert it to volts: {as_options(in_volts)}; rename a command to {command}",
             )
         if top > 1.001 * v_max:
             beyond.append(f"{name} reaches {top:.4g} V")

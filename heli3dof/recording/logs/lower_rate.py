@@ -21,16 +21,20 @@ from heli3dof.rig.profile import Profile
 
 SAME = 0.01
 """Largest relative difference of two rates, or spacings of rows, that count as equal. Chosen."""
+SAME_READING = 0.1
+"""Largest difference of m/m_held from a whole number, for m rows per kept row: a log shows the
+number m_held of rows for which it holds a reading to a few per cent. Chosen."""
 MEANS = "with the mean of each voltage over the interval to the next one."
 
 
 def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
     """Return about ``rate_hz`` rows per second of ``table``; voltages are means until the next row.
 
-    A log may repeat each reading of an angle in several rows (`rows_per_reading`). Then this
-    function keeps the rows in which the angle changes. The number of rows between two kept rows may
-    alternate, for example 3, 3, 4. In this case the kept rows get evenly spaced times. Raises
-    UsageError if ``rate_hz`` exceeds the log's rate, RecordingError if time does not increase.
+    The log's rate must be a whole multiple of ``rate_hz``. A log may repeat each reading of an
+    angle in several rows (`rows_per_reading`). Then the rate of its readings must be such a
+    multiple, and this function keeps the rows in which the angle changes. The number of rows
+    between two kept rows may alternate, for example 3, 3, 4. In this case the kept rows get evenly
+    spaced times. Raises UsageError for other rates, RecordingError if time does not increase.
     """
     t = table.columns["t_s"]
     check_time_increases(table.source, t, table.where)
@@ -43,13 +47,22 @@ def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
         )
     if m < 1 + SAME:
         return table
-    changes = [np.zeros(0, dtype=int)]
+    changes, held = [np.zeros(0, dtype=int)], 1.0
     for axis, step in zip(AXES, profile.encoder.rad_per_count, strict=True):
         for unit, factor in ANGLE_UNITS.items():
             angle = np.nan_to_num(table.columns.get(f"{axis}_{unit}", np.zeros(1)))
-            if rows_per_reading(angle, float(step) / factor) > 1:
+            rows_of_reading = rows_per_reading(angle, float(step) / factor)
+            if rows_of_reading > 1:
                 changes.append(np.flatnonzero(np.diff(angle)) + 1)
-    rows = _rows_to_keep(np.unique(np.concatenate(changes)), m, len(t))
+                held = max(held, rows_of_reading)
+    readings = m / held
+    keeps_readings = held > 1 and readings > 1 - SAME_READING
+    if keeps_readings and abs(readings - round(readings)) < SAME_READING:
+        rows = _rows_to_keep(np.unique(np.concatenate(changes)), m, len(t))
+    elif not keeps_readings and abs(round(m) / m - 1) < SAME:
+        rows = np.arange(0, len(t), round(m))
+    else:
+        raise _no_multiple(rate_hz, m, held)
     columns = {
         name: interval_means(values, rows) if name in VOLTAGE_COLUMNS else values[rows]
         for name, values in table.columns.items()
@@ -62,6 +75,22 @@ def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
     where = table.where
     return replace(
         table, columns=columns, where=lambda k: where(int(rows[k])), notes=[*table.notes, note]
+    )
+
+
+def _no_multiple(rate_hz: float, m: float, held: float) -> UsageError:
+    """Return the error for a rate of which the log's rate is no whole multiple.
+
+    ``m``: rows of the log per kept row; ``held``: rows for which the log holds a reading.
+    """
+    log_hz = rate_hz * m / held
+    below = int(m / held)
+    usable = [f"--rate {log_hz / n:.4g}" for n in (below, below + 1) if n * held > 1 + SAME]
+    what = "the log's rate" if held == 1 else "the rate of the log's readings"
+    return UsageError(
+        f"--rate {rate_hz:g}: {what}, {log_hz:.4g} Hz, is not a whole multiple of it.",
+        cause="the rows that are nearest to this rate are not evenly spaced.",
+        fix=" or ".join(usable),
     )
 
 

@@ -64,6 +64,22 @@ def test_newtons_ratio_is_one_for_a_rigid_body_driven_by_its_voltages() -> None:
     assert newton("pitch", q, data, PROFILE) == pytest.approx((1, 1), abs=0.01)
 
 
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_a_wrapped_angle_gets_a_warning_with_its_correction(unit: str) -> None:
+    turn, data = {"deg": 360.0, "rad": 2 * np.pi}[unit], as_named(columns(), "yaw", unit)
+    ramp = data["yaw_deg" if unit == "deg" else "yaw_rad"] * (turn / 360)
+    ramp = ramp + np.arange(3000) // 4 * turn / 8192 * 8
+    name = f"yaw_{unit}"
+    whole = check_angles("log.csv", data | {name: ramp}, PROFILE)
+    wrapped = data | {name: (ramp + turn / 2) % turn - turn / 2}
+    warnings = check_angles("log.csv", wrapped, PROFILE, {name: "-enc"})
+    assert not any("whole turn" in w for w in whole)
+    assert [w for w in warnings if "whole turn" in w] == [
+        f"{name} jumps by a whole turn within one sample, once. Likely cause: the angle is "
+        f"wrapped. Try: import the log with --map '{name}=unwrap(-enc)'"
+    ]
+
+
 @pytest.mark.parametrize("factor", [1, 20])
 def test_raw_counts_are_recognised(factor: int) -> None:
     data = columns()

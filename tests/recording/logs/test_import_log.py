@@ -124,7 +124,7 @@ def test_titles_above_the_header_are_skipped_with_a_note(
 
 
 def test_text_in_another_encoding_is_not_called_binary(tmp_path: Path) -> None:
-    path = write(tmp_path, "Höhe;Nick;Gier\n1;2;3\n".encode("latin-1"), "log.txt")
+    path = write(tmp_path, "Höhe;Nick;Gier\n1;2;3\n".encode("latin-1"), "log.dat")
     with pytest.raises(RecordingError, match="it is a text table, possibly CSV"):
         import_log(path, PROFILE)
     path.write_bytes(b"\x01\xff\xfe\x00" * 100)
@@ -169,6 +169,7 @@ def swapped_time(k: int) -> dict[str, Any]:
         (lambda: changed("roll_deg", 10, float("nan")), "1 of 1500 rows have a value that is not"),
         (lambda: changed("yaw_deg", 10, float("inf")), "the first is line 12, column yaw_deg."),
         (lambda: changed("v_back_V", 10, ""), "line 12, column v_back_V."),
+        (lambda: changed("v_back_V", 10, "#N/A"), "line 12, column v_back_V."),
         (lambda: with_a_short_line(11), "1 of 1500 lines do not have 11 cells"),
     ],
 )
@@ -180,16 +181,48 @@ def test_rows_without_numbers_are_lost_samples(tmp_path: Path, content, warning:
     assert warned(path, "1 gap in time")
 
 
-def test_a_line_of_units_is_skipped_and_gives_names_with_units(tmp_path: Path) -> None:
+@pytest.mark.parametrize("brackets", ["{}", "[{}]", "({})", " [ {} ]"])
+def test_a_line_of_units_is_skipped_and_gives_names_with_units(
+    tmp_path: Path, brackets: str
+) -> None:
     bare = {"t_s": "time", **{n: n.rpartition("_")[0] for n in columns() if n != "t_s"}}
     data = {bare[n]: v for n, v in columns().items() if n in bare}
-    units = ",".join(n.rpartition("_")[2] for n in columns())
+    units = ",".join(brackets.format(n.rpartition("_")[2]) for n in columns())
     path = write(tmp_path, csv_text(data).replace("\n", f"\n{units}\n", 1))
     r = import_log(path, PROFILE)
     np.testing.assert_allclose(r.angle, flight(1500).angle, rtol=0, atol=1e-12)
     assert r.meta["warnings"] == []
     assert r.meta["log_mapping"]["roll_deg"] == "roll [deg]"
     assert list(read_log(path, PROFILE).notes)[:1] == ["Line 2 contains units and was skipped."]
+
+
+def test_both_voltages_in_another_unit_are_corrected_at_once(tmp_path: Path) -> None:
+    data = columns() | {n: 1000 * columns()[n] for n in ("v_front_V", "v_back_V")}
+    with pytest.raises(RecordingError, match="v_front_V reaches") as caught:
+        import_log(write(tmp_path, data), PROFILE)
+    options = "--map v_front_V=v_front_V/1000 --map v_back_V=v_back_V/1000"
+    assert options in caught.value.fix
+
+
+def test_a_table_in_a_text_file_is_read_as_csv(tmp_path: Path) -> None:
+    table = write(tmp_path, csv_text(columns()).replace(",", "\t"), "log.txt")
+    np.testing.assert_array_equal(import_log(table, PROFILE).t, flight(1500).t)
+    for text in ("step 3, 10 V\nwindy\n", "\0" * 99, ""):
+        with pytest.raises(RecordingError, match="is not a log that can be imported"):
+            import_log(write(tmp_path, text, "notes.txt"), PROFILE)
+
+
+def test_rows_that_were_written_twice_are_to_be_removed(tmp_path: Path) -> None:
+    def error_of(rows: np.ndarray) -> RecordingError:
+        with pytest.raises(RecordingError, match="does not increase at line 302") as caught:
+            import_log(write(tmp_path, {n: v[rows] for n, v in columns().items()}), PROFILE)
+        return caught.value
+
+    k = np.arange(1500)
+    twice, two_logs = error_of(np.r_[k[:300], k[290:]]), error_of(np.r_[k[:300], k[:900]])
+    assert twice.cause == "10 rows have the time of another row: they were written twice."
+    assert twice.fix == "remove the repeated rows; keep one log per file"
+    assert two_logs.cause.startswith("two logs in one file")
 
 
 @pytest.mark.parametrize(
@@ -432,7 +465,7 @@ def test_a_log_needs_a_profile_and_a_recording_contains_one(tmp_path: Path) -> N
     with pytest.raises(UsageError, match="columns is for MAT"):
         load(path, PROFILE, columns="t_s")
     with pytest.raises(RecordingError, match="not an MCAP recording; it is a text table"):
-        load(write(tmp_path, columns(), "log.txt"), PROFILE)
+        load(write(tmp_path, columns(), "log.dat"), PROFILE)
 
 
 def real_logs() -> list[Path]:

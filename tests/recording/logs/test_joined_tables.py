@@ -7,7 +7,7 @@ import pytest
 
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.joined_tables import join, with_clock
+from heli3dof.recording.logs.joined_tables import join, join_used, with_clock
 
 T = np.arange(100) / 500
 
@@ -38,6 +38,32 @@ def test_of_rates_that_are_multiples_the_common_instants_are_kept() -> None:
         np.testing.assert_array_equal(joined.columns["u"], joined.columns["x"])
         (warning,) = joined.warnings
         assert "80 of 100 samples were left out" in warning
+
+
+@pytest.mark.parametrize("other", [T[:40], T[::5], T + 0.001, 1.5 * T, T + 10])
+def test_a_table_that_no_mapping_needs_costs_no_samples(other: np.ndarray) -> None:
+    run1, run2 = table("i.mat", t_s=T, run1=T), table("i.mat", t_s=other, run2=other)
+    joined = join_used([run1, run2], ["2*run1", "pi"])
+    np.testing.assert_array_equal(joined.columns["run1"], T)
+    assert list(joined.columns) == ["t_s", "run1"]
+    assert joined.ignored == ["run2 in i.mat: not mapped, and not sampled at all times"]
+    assert joined.warnings == []
+
+
+def test_unmapped_tables_that_cost_no_samples_are_kept() -> None:
+    tables = [table("i.mat", t_s=T, temperature=T), table("i.mat", t_s=T, u=T)]
+    assert list(join_used(tables, ["u"]).columns) == ["t_s", "temperature", "u"]
+    own = [table("i.mat", t_s=T, roll_deg=T), table("i.mat", t_s=T[:50], u=T[:50])]
+    assert len(join_used(own, ["u"])) == 50
+    assert len(join_used(own, [])) == 100
+
+
+def test_a_warning_names_the_signals_that_lack_samples() -> None:
+    joined = join([table("i.mat", t_s=T, u=T), table("i.mat", t_s=T[:40], x=T[:40])])
+    assert joined.warnings == [
+        "u in i.mat: 60 of 100 samples were left out, for lack of samples of x in i.mat at these "
+        "times. If these signals are of different flights, use those of one only."
+    ]
 
 
 def test_equal_names_get_their_files_name() -> None:

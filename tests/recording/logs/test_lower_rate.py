@@ -54,6 +54,31 @@ def test_without_held_angles_every_mth_row_is_kept() -> None:
         at_rate(table, PROFILE, 500)
 
 
+@pytest.mark.parametrize(
+    ("spacing", "rate_hz", "usable"),
+    [
+        ([1], 600, "--rate 500"),
+        ([1], 300, "--rate 333.3 or --rate 250"),
+        ([10], 60, "--rate 100 or --rate 50"),
+        ([4, 3, 3], 200, "--rate 300 or --rate 150"),
+    ],
+)
+def test_rates_without_evenly_spaced_rows_are_refused(
+    spacing: list[int], rate_hz: float, usable: str
+) -> None:
+    with pytest.raises(UsageError, match="is not a whole multiple of it") as caught:
+        at_rate(log(spacing), PROFILE, rate_hz)
+    assert caught.value.fix.split()[::3] == usable.split()[::3]
+    rates = [float(word) for word in caught.value.fix.split()[1::3]]
+    assert rates == pytest.approx([float(word) for word in usable.split()[1::3]], rel=0.03)
+    assert at_rate(log(spacing), PROFILE, rates[-1]) is not None
+
+
+def test_rates_above_that_of_the_readings_keep_true_times() -> None:
+    t = at_rate(log([10], first=4), PROFILE, 333).columns["t_s"]
+    np.testing.assert_allclose(t, np.arange(0, N, 3) / 1000)
+
+
 def test_time_must_increase() -> None:
     table = log([1])
     table.columns["t_s"][5] = 0

@@ -1,4 +1,6 @@
-"""Importer of CSV logs (``.csv``, ``.csv.gz``); its errors name line and column.
+"""Importer of CSV logs (``.csv``, ``.csv.gz``, tables in ``.txt`` and ``.tsv``).
+
+Its errors name line and column.
 
 numpy parses the whole file; if it fails, the text is parsed cell by cell to find the faulty cell.
 Semicolons, tabs or spaces between columns, decimal commas, titles above the header, a line of units
@@ -10,6 +12,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import re
 import zlib
 from collections.abc import Sequence
 from datetime import datetime
@@ -29,7 +32,15 @@ HEAD_LINES = 50
 LOST_LINES = 0.01
 """Largest share of lines with another number of cells than the header, which count as lost samples;
 with more, the file has another format (a convention)"""
-EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
+EMPTY = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-"}
+"""Texts, in lower case, of a cell without a number"""
+ENDINGS = (".csv", ".csv.gz")
+TEXT_ENDINGS = (".txt", ".tsv")
+"""Endings of files that are logs only if they contain a table"""
+HEAD_BYTES = 65536
+"""Bytes in which a table is searched (a convention)"""
+TABLE_CELLS = 3
+"""Least number of cells in a line of a table, mostly numbers: time, voltages (a convention)"""
 
 
 def read(
@@ -91,6 +102,21 @@ def read(
         rows, numbers = _complete(path, rows, numbers, separator, names, warnings)
         values = _parse_cells(path, rows, numbers, names, warnings, notes)
     return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings, notes=notes)
+
+
+def recognises(path: Path) -> bool:
+    """Return True if ``path`` ends as CSV logs do, or is a text file with a table of numbers."""
+    name = path.name.lower()
+    if not name.endswith(TEXT_ENDINGS):
+        return name.endswith(ENDINGS)
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    encoding = _two_bytes(head)
+    if encoding is None and b"\0" in head:
+        return False
+    lines = head.decode(encoding or "utf-8", errors="replace").splitlines()[:HEAD_LINES]
+    rows = [_cells(line, _separator(line)) for line in lines]
+    return any(len(row) >= TABLE_CELLS and _mostly_numbers(row) for row in rows)
 
 
 def _text(path: Path) -> str:
@@ -222,8 +248,12 @@ def _parse_table(body: list[str], separator: str, names: list[str]) -> dict[str,
 
 
 def _units(body: list[str], separator: str, count: int) -> list[str]:
-    """Return the ``count`` units in the first line below the header; [] if it contains none."""
-    units = [cell.strip() for cell in _cells(body[0], separator)] if len(body) > 1 else []
+    """Return the ``count`` units in the first line below the header; [] if it contains none.
+
+    Each unit may be in brackets.
+    """
+    cells = _cells(body[0], separator) if len(body) > 1 else []
+    units = [re.sub(r"^[\[(]\s*(.*?)\s*[\])]$", r"\1", cell.strip()) for cell in cells]
     is_text = len(units) == count and not any(_is_number(u) for u in units)
     if not is_text or all(u.lower() in EMPTY for u in units):
         return []
@@ -345,4 +375,4 @@ def _is_number(text: str) -> bool:
     return True
 
 
-IMPORTER = Importer("CSV", (".csv", ".csv.gz"), read)
+IMPORTER = Importer("CSV", ENDINGS, read, recognises=recognises)

@@ -44,14 +44,7 @@ def table_of(
     """Return the columns of the file at ``path``, which has these ``variables``; see `read`."""
     wanted, names = _parse(columns)
     if names is None:
-        found = tables(path.name, stem(path), variables)
-        if not found:
-            raise RecordingError(
-                f"{path} contains no signals. It contains {_listed(variables)}.",
-                cause="the log is empty, or a format that only MATLAB can read.",
-                fix="in MATLAB, save time and signals as plain vectors: save('log.mat', 't', …)",
-            )
-        return join(found)
+        return join(tables_of(path, variables))
     table = _arrays(variables)
     matrix = _matrix(path, table, wanted, len(names))
     if matrix.shape[1] != len(names):
@@ -70,6 +63,25 @@ def table_of(
         if name not in SKIP
     }
     return Table(path.name, kept_columns, lambda k: f"sample {k + 1}")
+
+
+def tables_of(path: Path, variables: Mapping[str, Any]) -> list[Table]:
+    """Return one table per clock of the file at ``path``, which has these ``variables``.
+
+    Raises RecordingError if the file contains no signals.
+    """
+    found = tables(path.name, stem(path), variables)
+    if not found:
+        raise RecordingError(
+            f"{path} contains no signals. It contains {_listed(variables)}.",
+            cause="the log is empty, or a format that only MATLAB can read.",
+            fix="in MATLAB, save time and signals as plain vectors: save('log.mat', 't', …)",
+        )
+    return found
+
+
+def _read_tables(path: Path) -> list[Table]:
+    return tables_of(path, read_variables(path))
 
 
 def _arrays(variables: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -124,4 +136,4 @@ def _listed(variables: Mapping[str, Any]) -> str:
     return ", ".join(shapes) or "nothing"
 
 
-IMPORTER = Importer("MAT", (".mat",), read)
+IMPORTER = Importer("MAT", (".mat",), read, read_tables=_read_tables)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.recording.logs.importer import Importer, Table
-from heli3dof.recording.logs.importers.mat_file import table_of
+from heli3dof.recording.logs.importers.mat_file import table_of, tables_of
 from heli3dof.rig.profile import Profile
 
 
@@ -20,4 +20,9 @@ def read(
         return table_of(path, dict(arrays), columns)
 
 
-IMPORTER = Importer("NumPy", (".npz",), read)
+def _read_tables(path: Path) -> list[Table]:
+    with np.load(path) as arrays:
+        return tables_of(path, dict(arrays))
+
+
+IMPORTER = Importer("NumPy", (".npz",), read, read_tables=_read_tables)

@@ -8,7 +8,11 @@ is time (block "To File")             the first row (or column) is their clock
 matrix without time                   all its rows (or columns), called ``x[1]``, ``x[2]``, …
 structure with ``time`` and           ``signals.values``, with the names in ``signals.label``, or
 ``signals.values``                    else as in a matrix; their clock is ``time``
+structure with ``signals.values``     the same; their clock is a vector of time
+but without time
 structure with ``Time`` and ``Data``  ``Data``, with names as in a matrix; the clock is ``Time``
+structure with ``Name`` and one       the signals of this structure, with the name in ``Name``
+structure with time
 vector                                one signal with the name of the vector; its clock is another
                                       vector, called ``t_s``, ``time`` or similar (`clock_of`)
 other structure                       the signals of its fields
@@ -50,6 +54,13 @@ class _Found:
     """Names of the ignored variables, each with the reason"""
     paths: dict[str, str] = field(default_factory=dict)
     """Name of an array or timed structure → its full path, such as ``flight.angle.roll``"""
+
+    def with_free_names(
+        self, name: str, columns: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """Return ``columns`` of the structure ``name``; it prefixes names that are taken."""
+        taken = self.arrays.keys() | {c for _, others in self.clocked for c in others}
+        return {f"{name}.{c}" if c in taken else c: values for c, values in columns.items()}
 
     def columns_by_path(self, columns: Iterable[str]) -> dict[str, str]:
         """Return {full path in the file: column} for those of the ``columns`` that have a path.
@@ -101,14 +112,21 @@ def _visit(name: str, path: str, value: Any, found: _Found) -> None:
         for i, element in enumerate(value, 1):
             _visit(f"{name}[{i}]", f"{path}[{i}]", element, found)
     elif isinstance(value, Mapping):
-        timed = _timed_structure(name, value)
-        if timed is not None:
-            found.clocked.append(timed)
+        if (timed := _timed_structure(name, value)) is not None:
+            t, columns = timed
+            found.clocked.append((t, found.with_free_names(name, columns)))
             found.paths[name] = path
             return
+        if (untimed := _structure_without_time(name, value)) is not None:
+            found.arrays |= found.with_free_names(name, untimed)
+            found.paths[name] = path
+            return
+        label = next((v for key, v in value.items() if key.lower() == "name"), None)
+        with_time = [key for key, inner in value.items() if _has_time(inner)]
         for key, inner in value.items():
+            own = label if isinstance(label, str) and label and with_time == [key] else key
             full = f"{path}.{key}"
-            free = (n for n in (key, f"{name}.{key}") if n not in found.arrays)
+            free = (n for n in (own, f"{name}.{own}") if n not in found.paths)
             _visit(next(free, full), full, inner, found)
     else:
         array = np.squeeze(np.asarray(value))
@@ -124,25 +142,54 @@ def _timed_structure(
     name: str, value: Mapping[str, Any]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
     """Return time vector and columns of a structure; None if it contains no time vector."""
-    fields = {key.lower(): inner for key, inner in value.items()}
+    fields = _fields(value)
     t = np.asarray(fields.get("time", ()))
     if t.ndim != 1 or len(t) < MIN_SAMPLES:
         return None
     if "data" in fields:
         return t.astype(float), dict(_rows(name, np.asarray(fields["data"], float), len(t)))
-    signals = fields.get("signals")
-    if signals is None:
+    if "signals" not in fields:
         return None
+    return t.astype(float), _named_signals(name, fields["signals"], len(t))
+
+
+def _structure_without_time(name: str, value: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
+    """Return the columns of a structure with ``signals.values``, but without time; else None.
+
+    The block "To Workspace" writes it (format "Structure"), with an empty ``time``.
+    """
+    fields = _fields(value)
+    if np.size(fields.get("time", ())) or "signals" not in fields:
+        return None
+    signals = fields["signals"]
+    first = signals if isinstance(signals, Mapping) else next(iter(signals), None)
+    if not isinstance(first, Mapping) or "values" not in first:
+        return None
+    return _named_signals(name, signals, max(np.shape(first["values"]), default=1))
+
+
+def _has_time(value: Any) -> bool:
+    return isinstance(value, Mapping) and _timed_structure("", value) is not None
+
+
+def _fields(value: Mapping[str, Any]) -> dict[str, Any]:
+    return {key.lower(): inner for key, inner in value.items()}
+
+
+def _named_signals(name: str, signals: Any, n: int) -> dict[str, np.ndarray]:
+    """Return the columns of the field ``signals`` of the structure ``name``, with ``n`` samples.
+
+    Labels name the columns if there are several, each with another one.
+    """
     listed = [signals] if isinstance(signals, Mapping) else list(signals)
-    blocks = [_as_rows(np.asarray(s["values"], dtype=float), len(t)) for s in listed]
+    blocks = [_as_rows(np.asarray(s["values"], dtype=float), n) for s in listed]
     labels = [str(s.get("label", "")) if np.size(s.get("label", "")) else "" for s in listed]
+    if len(set(labels)) < len(labels) or not all(labels) or len(labels) == 1:
+        return dict(_rows(name, np.concatenate(blocks), n))
     columns: dict[str, np.ndarray] = {}
-    if len(set(labels)) == len(labels) and all(labels) and len(labels) > 1:
-        for label, block in zip(labels, blocks, strict=True):
-            columns |= dict(_rows(label, block, len(t)))
-    else:
-        columns = dict(_rows(name, np.concatenate(blocks), len(t)))
-    return t.astype(float), columns
+    for label, block in zip(labels, blocks, strict=True):
+        columns |= dict(_rows(label, block, n))
+    return columns
 
 
 def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:

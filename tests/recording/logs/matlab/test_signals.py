@@ -92,6 +92,51 @@ def test_a_structure_with_time_and_data_is_read_as_a_timeseries(tmp_path: Path) 
     assert list(found) == ["t_s", "theta"]
 
 
+def test_structures_without_time_share_the_vector_of_times(tmp_path: Path) -> None:
+    """To Workspace, format "Structure": the field time is empty; tout is a variable."""
+    empty = np.zeros((0, 0))
+    several = np.array([structure(X.T[:, :1], "theta"), structure(X.T[:, 1:], "psi")])
+    found = columns(
+        tmp_path,
+        {
+            "tout": T[:, None],
+            "volt": {"time": empty, "signals": structure(X.T)},
+            "ang": {"time": empty, "signals": structure(X.reshape(2, 1, 50))},
+            "scope": {"time": empty, "signals": several},
+            "other": {"signals": several},
+        },
+    )
+    names = ["volt[1]", "volt[2]", "ang[1]", "ang[2]", "theta", "psi", "other.theta", "other.psi"]
+    assert list(found) == ["t_s", "tout", *names]
+    for name, values in zip(names, [*X, *X, *X, *X], strict=True):
+        np.testing.assert_array_equal(found[name], values)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("u", "y"), ["u[1]", "u[2]", "y"]),
+        (("u", "u"), ["u[1]", "u[2]", "ds[2].u"]),
+        (("", ""), ["Values[1]", "Values[2]", "ds[2].Values"]),
+    ],
+)
+def test_elements_with_a_name_and_a_timeseries_have_this_name(
+    tmp_path: Path, names: tuple[str, str], expected: list[str]
+) -> None:
+    elements = np.zeros(2, dtype=[("Name", object), ("Values", object)])
+    elements[0] = (names[0], {"Time": T, "Data": X.T})
+    elements[1] = (names[1], {"Time": T, "Data": X[1]})
+    found = columns(tmp_path, {"ds": elements})
+    assert list(found) == ["t_s", *expected]
+    np.testing.assert_array_equal(found[expected[2]], X[1])
+
+
+def test_labels_that_two_structures_share_get_the_structures_name(tmp_path: Path) -> None:
+    both = np.array([structure(X.T[:, :1], "theta"), structure(X.T[:, 1:], "psi")])
+    found = columns(tmp_path, {n: {"time": T, "signals": both} for n in ("A", "B")})
+    assert list(found) == ["t_s", "theta", "psi", "B.theta", "B.psi"]
+
+
 def test_vectors_and_matrices_share_the_vector_of_times(tmp_path: Path) -> None:
     variables = {"tout": T, "Vf": X[0], "yout": np.vstack([T, X]).T, "gain": 3.0, "short": T[:20]}
     savemat(tmp_path / "a.mat", variables)
