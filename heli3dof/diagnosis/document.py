@@ -198,7 +198,8 @@ def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
     if isinstance(x, Fault):
         value, std = next(iter(x.parameters.values()), (0.0, 0.0))
         score = (value / std) ** 2 if std > 0 else 0.0
-        return _cause_object(x.effect, x.axis, x.parameters, score, x.confidence)
+        out = _cause_object(x.effect, x.axis, x.parameters, score, x.confidence)
+        return {**out, "allowed_for": x.allowed_for}
     effect, axis = x.term.effect, x.term.axis
     if isinstance(x, OffNominal):
         values = {effect.parameters[0].name: (x.value, x.std)}

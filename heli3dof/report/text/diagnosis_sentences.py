@@ -33,7 +33,7 @@ VERDICTS = {
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
 NOT_IMPORTED = "The log cannot be imported as it is."
-ONLY_COUNTED = "Only lost samples were found; the fit predicts over them."
+ONLY_ALLOWED_FOR = "Only {} were found; the fit allows for them."
 BY_REFIT = "Refitted parameters explain the simulation error; see the causes below."
 WITH_REFIT = (
     "Refitted parameters explain one part of the simulation error, the causes below the rest."
@@ -50,6 +50,7 @@ COUNTED = "lost_share"
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
+STAMPS = "uneven time stamps"
 depends on yaw's zero"""
 
 
@@ -89,8 +90,9 @@ def verdict(document: Document) -> str:
         meaning = meaning.format(_why_ambiguous(document))
     if _is_refused(document):
         meaning = NOT_IMPORTED
-    if word == "explained" and all(map(is_counted, document["findings"])):
-        meaning = ONLY_COUNTED
+    if word == "explained" and all(map(is_allowed_for, document["findings"])):
+        what = {"lost samples" if is_counted(f) else STAMPS for f in document["findings"]}
+        meaning = ONLY_ALLOWED_FOR.format(listed(sorted(what)))
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
@@ -356,6 +358,14 @@ def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
     value, std = estimate["value"], estimate["std"]
     if key == COUNTED:
         return significant(value), ""
+def is_allowed_for(finding: Document) -> bool:
+    """Return True for a fault of a recording that causes no simulation error.
+
+    It is known at every sample (`heli3dof.integrity.Fault.allowed_for`).
+    """
+    return is_counted(finding) or bool(finding.get("allowed_for"))
+
+
     return significant(value, std), significant(std, std)
 
 

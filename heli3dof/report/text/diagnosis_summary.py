@@ -94,8 +94,9 @@ def causes(document: Document) -> Iterator[str]:
         sure = f" ({what}confidence {percent(f['confidence'])})" if known else ""
         like = "; likely, not confirmed" if f.get("like") else ""
         like = "; not tested (--quick)" if untested else like
-        if words.is_counted(f):  # last (`heli3dof.diagnosis.result.in_order`)
-            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} (counted)."
+        if words.is_allowed_for(f):  # last (`heli3dof.diagnosis.result.in_order`)
+            how = "counted" if words.is_counted(f) else "known from the time stamps"
+            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} ({how})."
             continue
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{confounded}{sure}{like}."
 
