@@ -2,8 +2,9 @@
 
 The proposals for a torque are at most a formula and a curve (`unmodelled.torque_formula`). Each is
 fitted in full and bias-corrected. The first one with a significant gain on held-out data
-(`adoption.is_significant_gain`) is adopted. If none has such a gain, the torque is dropped. If none
-can be fitted, the torque is reported, but the model has no term for it.
+(`adoption.is_significant_gain`) is adopted, unless predictions become worse (`adoption.worsens`).
+If none is adopted, the torque is dropped. If none can be fitted, the torque is reported, but the
+model has no term for it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from heli3dof.diagnosis.conclusion.adoption import (
     is_significant_gain,
     log_likelihood_gain,
     with_size,
+    worsens,
 )
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
 from heli3dof.diagnosis.search.candidate_fits import with_term_at
@@ -58,7 +60,7 @@ def with_torques(
                 continue
             new = held_out(wider, holdout)
             g = gain(after, new, seed=setup.seed)
-            if is_significant_gain(g):
+            if is_significant_gain(g) and not worsens(g, wider.structure.profile):
                 fit, after = wider, new
                 kept.append(replace(torque, term=TorqueTerm(proposal, {}, g)))
                 break
