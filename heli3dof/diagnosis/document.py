@@ -55,7 +55,7 @@ def diagnosis_document(
         "verdict": d.verdict,
         "simulation_error": {a: _simulation_error(f, a) for a in AXES},
         "calibration": [] if f is None else _calibration(d, f),
-        "calibration_gain": _gain(None if f is None else f.refit),
+        "calibration_gain": _calibration_gain(f),
         "profile": _profile(f, hover),
         "ratios": _ratios(f, hover),
         "findings": [_cause(x) for x in d.in_order],
@@ -162,6 +162,19 @@ def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
         for n, m in ratios(base, f.model.profile, hover).items()
         if n not in biased
     ]
+
+
+def _calibration_gain(f: Fitted | None) -> dict[str, Any]:
+    """Return the JSON object of the gain of refitted parameters over those of the profile.
+
+    ``explains_with_causes`` is True if they remove most of an axis' error also from a model that
+    contains the causes. It is None if the model has none, or if this was not measured.
+    """
+    with_causes = None if f is None else f.refit_with_causes
+    return {
+        **_gain(None if f is None else f.refit),
+        "explains_with_causes": with_causes and with_causes.removes_most_error,
+    }
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:

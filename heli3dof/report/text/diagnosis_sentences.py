@@ -50,7 +50,6 @@ COUNTED = "lost_share"
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
-STAMPS = "uneven time stamps"
 depends on yaw's zero"""
 
 
@@ -92,6 +91,8 @@ def verdict(document: Document) -> str:
         meaning = NOT_IMPORTED
     if word == "explained" and all(map(is_allowed_for, document["findings"])):
         what = {"lost samples" if is_counted(f) else STAMPS for f in document["findings"]}
+    if word == "unexplained" and far_inertias(document):
+        meaning = WRONG_PROFILE
         meaning = ONLY_ALLOWED_FOR.format(listed(sorted(what)))
     if word == "nothing_found":
         if noise_is_unknown(document):
@@ -159,9 +160,13 @@ def refit_explains(document: Document) -> bool:
     (`heli3dof.diagnosis.validation.gain.removes_most`). With the verdict ``off_calibration`` the
     result is True without this test.
 
-    The refitted model lacks the causes, so its parameters may only compensate for a cause. The
-    document also has ratios of parameters that were fitted together with the causes. If causes were
-    adopted, one of these ratios must therefore differ from the profile's (`changed_ratios`).
+    The refitted model lacks the causes, so its parameters may only compensate for a cause. So if
+    causes were adopted, two more conditions must hold:
+
+    - A ratio of parameters fitted together with the causes differs from the profile's
+      (`changed_ratios`).
+    - In the model with the causes, too, the refit removes most of an axis' error
+      (``explains_with_causes``; None: not measured).
     """
     if document["verdict"] == "off_calibration":
         return True

@@ -139,19 +139,26 @@ def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
 
 
 @pytest.mark.parametrize(
-    ("after", "low", "V_o_std", "stated"),
-    [(0.22, 3.5, 0.005, True), (3.5, 0.3, 0.005, False), (0.22, 3.5, 0.5, False)],
+    ("after", "low", "V_o_std", "with_causes", "stated"),
+    [
+        (0.22, 3.5, 0.005, True, True),
+        (3.5, 0.3, 0.005, True, False),
+        (0.22, 3.5, 0.5, True, False),
+        (0.22, 3.5, 0.005, False, False),
+    ],
 )
 def test_a_refit_that_explains_most_of_an_error_is_stated_beside_the_causes(
-    after: float, low: float, V_o_std: float, stated: bool
+    after: float, low: float, V_o_std: float, with_causes: bool, stated: bool
 ) -> None:
     """Refitting lowers roll from 4.13° to 0.22°: the causes alone do not explain the error.
 
-    They do if the calibration does not differ from the profile with the causes in the model.
+    They do if the calibration does not differ from the profile with the causes in the model, or if
+    the refit improves hardly anything in this model.
     """
     won = {"roll": {"value": 4.13 - after, "interval": [low, 4.0]}, "pitch": None}
     error = {"before": {"roll": 4.13, "pitch": None}, "after": {"roll": after, "pitch": None}}
     gain = {"holdout_rmse_deg": error, "rmse_reduction_deg": won}
+    gain["explains_with_causes"] = with_causes
     ratios = [{"ratio": "V_o", "nominal": 7.456, "value": 8.222, "std": V_o_std}]
     text = text_of(changed(verdict="explained", calibration_gain=gain, ratios=ratios))
     assert ("Refitted parameters explain one part" in text) is stated
