@@ -14,6 +14,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import FINDINGS, BaseParameter, OffNominal
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
+from heli3dof.diagnosis.conclusion.wrong_lengths import wrong_lengths
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.result import (
     Diagnosis,
@@ -46,6 +47,8 @@ def diagnosis_document(
     hover = None if f is None else level_hover(f.model)
     about = dict(d.about)
     following = _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming)
+    if f is not None and (lengths := _wrong_lengths(f, hover)):
+        about["corrected_lengths_m"] = lengths
     if following is None and f is not None and f.final is None:
         about["no_next_experiment"] = why_none(f.open)
     return {
@@ -162,6 +165,16 @@ def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
         for n, m in ratios(base, f.model.profile, hover).items()
         if n not in biased
     ]
+
+
+def _wrong_lengths(f: Fitted, hover: LevelHover | None) -> dict[str, dict[str, float]]:
+    """Return {length: its value in the profile, its probable true value} if lengths are wrong."""
+    profile = f.model.profile
+    base = {c.name: c for c in f.calibration}
+    return {
+        name: {"profile": getattr(profile.geometry, name), "value": value}
+        for name, value in wrong_lengths(profile, ratios(base, profile, hover)).items()
+    }
 
 
 def _calibration_gain(f: Fitted | None) -> dict[str, Any]:
