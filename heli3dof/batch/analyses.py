@@ -180,7 +180,8 @@ def _diagnose_columns(document: Document) -> Row:
 def _identify(job: Job) -> Document:
     """Identify and save a model; return its ``identify --json`` document, with more keys.
 
-    ``faults`` names the integrity checks that found bad data: ``fleet`` leaves out such recordings.
+    ``faults`` names the integrity checks that found bad data. Such a recording is not fitted:
+    ``models`` is empty, and ``fleet`` leaves the recording out.
     ``absent`` names the parameters at the bound that means "no effect".
     ``nominal_hover_voltage_V`` is the hover voltage in the profile. ``hover_voltage_V`` is the
     model's, with ``value`` and ``std``. It is null for a black box, or if no voltage holds the arm
@@ -189,6 +190,9 @@ def _identify(job: Job) -> Document:
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
 
+    faults = bad_data(f.to_dict() for f in integrity(job.recording))
+    if faults:
+        return {"schema": "heli3dof.identification/1", "models": [], "faults": faults}
     result = identify(
         job.recording,
         method=job.options.get("method", "greybox"),
@@ -196,7 +200,6 @@ def _identify(job: Job) -> Document:
         terms=job.options.get("terms"),
     )
     path = save_model(result.model, job.output("models", ".json"))
-    faults = bad_data(f.to_dict() for f in integrity(job.recording))
     return {
         "schema": "heli3dof.identification/1",
         "models": [result.to_dict(str(path))],
@@ -216,6 +219,8 @@ def _hover_voltage(model: Model) -> dict[str, float] | None:
 
 
 def _identify_columns(document: Document) -> Row:
+    if not document["models"]:
+        return {"faults": ";".join(document["faults"])}
     model = document["models"][0]
     parameters = model.get("parameters", {})
     # A bound is no estimate: without a standard deviation, `fleet` leaves the value out.

@@ -64,7 +64,7 @@ def identify(
     verbose: Verbose = False,
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
-    from heli3dof.cli.inputs import load_all
+    from heli3dof.cli.inputs import load_all, refuse_bad_data
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
@@ -75,6 +75,8 @@ def identify(
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
     with stages(out) as stage:
+        stage("Checking the recordings …")
+        refuse_bad_data([*train, *test])
         result = identify(
             train,
             method=method,

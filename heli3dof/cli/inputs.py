@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.cli.options import log_profile
 from heli3dof.cli.output import Output
-from heli3dof.errors import RecordingError, UsageError, nearest, quoted
+from heli3dof.errors import RecordingError, UsageError, minus, nearest, quoted
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
@@ -39,6 +39,16 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
         meta = {**recording.meta, PROFILE_FILE: str(profile or path)}
         loaded.append(replace(recording, meta=meta))
     return loaded
+
+
+def refuse_bad_data(recordings: Sequence[Recording]) -> None:
+    """Raise RecordingError with the first fault that makes ``recordings`` bad data, if any."""
+    from heli3dof.integrity import Kind, integrity
+
+    for fault in integrity(recordings):
+        if fault.kind == Kind.BAD_DATA:
+            what, cause = minus(f"Bad data: {fault.sentence}"), minus(fault.cause)
+            raise RecordingError(what, cause=cause, fix=fault.fix)
 
 
 def complete_import_command(

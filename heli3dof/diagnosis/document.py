@@ -14,6 +14,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import FINDINGS, BaseParameter, OffNominal
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
+from heli3dof.diagnosis.conclusion.wrong_lengths import wrong_lengths
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.result import (
     Diagnosis,
@@ -46,6 +47,8 @@ def diagnosis_document(
     hover = None if f is None else level_hover(f.model)
     about = dict(d.about)
     following = _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming)
+    if f is not None and (lengths := _wrong_lengths(f, hover)):
+        about["corrected_lengths_m"] = lengths
     if following is None and f is not None and f.final is None:
         about["no_next_experiment"] = why_none(f.open)
     return {
@@ -55,7 +58,7 @@ def diagnosis_document(
         "verdict": d.verdict,
         "simulation_error": {a: _simulation_error(f, a) for a in AXES},
         "calibration": [] if f is None else _calibration(d, f),
-        "calibration_gain": _gain(None if f is None else f.refit),
+        "calibration_gain": _calibration_gain(f),
         "profile": _profile(f, hover),
         "ratios": _ratios(f, hover),
         "findings": [_cause(x) for x in d.in_order],
@@ -164,6 +167,29 @@ def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     ]
 
 
+def _wrong_lengths(f: Fitted, hover: LevelHover | None) -> dict[str, dict[str, float]]:
+    """Return {length: its value in the profile, its probable true value} if lengths are wrong."""
+    profile = f.model.profile
+    base = {c.name: c for c in f.calibration}
+    return {
+        name: {"profile": getattr(profile.geometry, name), "value": value}
+        for name, value in wrong_lengths(profile, ratios(base, profile, hover)).items()
+    }
+
+
+def _calibration_gain(f: Fitted | None) -> dict[str, Any]:
+    """Return the JSON object of the gain of refitted parameters over those of the profile.
+
+    ``explains_with_causes`` is True if they remove most of an axis' error also from a model that
+    contains the causes. It is None if the model has none, or if this was not measured.
+    """
+    with_causes = None if f is None else f.refit_with_causes
+    return {
+        **_gain(None if f is None else f.refit),
+        "explains_with_causes": with_causes and with_causes.removes_most_error,
+    }
+
+
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     """Return the JSON object of a gain: how much better a model predicts held-out data.
 
@@ -198,7 +224,8 @@ def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
     if isinstance(x, Fault):
         value, std = next(iter(x.parameters.values()), (0.0, 0.0))
         score = (value / std) ** 2 if std > 0 else 0.0
-        return _cause_object(x.effect, x.axis, x.parameters, score, x.confidence)
+        out = _cause_object(x.effect, x.axis, x.parameters, score, x.confidence)
+        return {**out, "allowed_for": x.allowed_for}
     effect, axis = x.term.effect, x.term.axis
     if isinstance(x, OffNominal):
         values = {effect.parameters[0].name: (x.value, x.std)}

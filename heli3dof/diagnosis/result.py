@@ -107,6 +107,9 @@ class Fitted:
     of the extended model"""
     refit: Gain | None = None
     """Gain of the refitted base simulation over the simulation with the profile's values"""
+    refit_with_causes: Gain | None = None
+    """Gain of the extended model over itself with trim torque and inertias of the profile; None
+    without causes or without a likelihood"""
     calibration: tuple[BaseParameter, ...] = ()
     """The base parameters of the extended model"""
     open: UndecidedTerms | None = None

@@ -54,6 +54,9 @@ class Fault:
     """Parameter → (value, standard deviation); the unit is part of the parameter's name"""
     confidence: float = 1.0
     """From 0 to 1; chosen, not computed"""
+    allowed_for: bool = False
+    """True if simulations know the fault at every sample, such as lost samples or the jitter of
+    exact time stamps. Then it causes no simulation error."""
 
     @property
     def is_cause(self) -> bool:

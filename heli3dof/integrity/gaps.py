@@ -72,7 +72,7 @@ def gaps(view: View) -> Iterable[Fault]:
         "timing.gaps", Kind.BAD_DATA if share > MAX_LOST_SHARE else kind, r.name,
         f"{r.name}: {', '.join(parts)}.", *(LOGGED if is_log(r) else FLOWN),
         effect="timing.gaps", parameters={"lost_share": (share, std)},
-        confidence=1.0 if kind == Kind.FINDING else 0.5,
+        confidence=1.0 if kind == Kind.FINDING else 0.5, allowed_for=True,
     )  # fmt: skip
 
 

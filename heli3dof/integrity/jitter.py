@@ -1,7 +1,8 @@
 """Report ``timing.jitter``: samples that are not taken at equal intervals.
 
 If the time stamps are the sampling times, they show the jitter
-(`heli3dof.recording.logs.sampling_clock`). If the stamps are even, the motion shows the jitter: the
+(`heli3dof.recording.logs.sampling_clock`). Fits and simulations use these times, so this jitter
+causes no simulation error. If the stamps are even, the motion shows the jitter: the
 angle of every axis is off by its rate times the same time error δ
 (`heli3dof.recording.logs.sampling_jitter`). If stamps and motion show jitter, the variances add:
 σ² = σ_stamps² + σ_motion². If the stamps are jittery but the samples were taken evenly, the stamps
@@ -62,11 +63,11 @@ def jitter(view: View) -> Iterable[Fault]:
         is_finding = stamps_s >= FINDING_S
         yield Fault(
             "timing.jitter", Kind.FINDING if is_finding else Kind.NOTE, r.name,
-            f"{r.name}: the time stamps have a sampling jitter of ±{1e3 * stamps_s:.2g} ms (RMS)"
+            f"{r.name}: the time stamps are off an even clock by ±{1e3 * stamps_s:.2g} ms (RMS)"
             + ("." if is_finding else ", which is usual for a computer's timer."),
             "a timer without real-time priority, or a shared bus.",
             (LOGGED if is_log(r) else FLOWN) if is_finding else "",
-            effect="timing.jitter", parameters={"jitter_s": (stamps_s, std)},
+            effect="timing.jitter", parameters={"jitter_s": (stamps_s, std)}, allowed_for=True,
         )  # fmt: skip
 
 

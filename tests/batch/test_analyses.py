@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from heli3dof.batch.analyses import ANALYSES, Job
 from heli3dof.batch.task import Task
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from tests.flown import flown
 from tests.paths import ROOT
@@ -18,6 +20,15 @@ def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
     assert row["method"] == "pbsid"
     assert row["fit_one_step_roll_percent"] > 70
     assert not any(name.startswith("J_") for name in row)
+
+
+def test_identify_fits_no_bad_data(tmp_path: Path) -> None:
+    """The row names the check, and no parameters."""
+    r = read_recording(ROOT / "recordings" / "train-1.mcap")
+    path = write_recording(replace(r, angle=r.angle * [1, -1, 1]), tmp_path / "reversed.mcap")
+    job = Job(Task.new("identify", "a", {}, None), path, tmp_path)
+    row = ANALYSES["identify"].columns(ANALYSES["identify"].run(job))
+    assert row == {"faults": "encoder.sign"}
 
 
 def test_a_parameter_at_the_bound_of_no_effect_has_no_standard_deviation(tmp_path: Path) -> None:

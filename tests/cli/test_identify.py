@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from heli3dof.identification.black_box import state_space
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.model_file import save_model
 from heli3dof.recording.atomic_write import default_output
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.flown import first_part
@@ -93,6 +96,24 @@ def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path:
     assert [m["name"] for m in result.document["flights"][0]["models"]] == ["greybox", "hover"]
     flown = heli3dof("simulate", "steps", "--model", path, "-o", tmp_path / "sim.mcap", "--json")
     assert flown.code == 0, flown.err
+
+
+def test_a_recording_that_diagnose_calls_bad_data_is_refused(tmp_path: Path) -> None:
+    r = read_recording(TRAIN[0])
+    per_cent = {n: getattr(r, n) * 100 / 24 for n in ("voltage", "voltage_cmd", "voltage_extra")}
+    path = write_recording(replace(r, **per_cent), tmp_path / "per-cent.mcap")
+    model = tmp_path / "m.json"
+    for words in (("identify", path), ("identify", TRAIN[1], "--holdout", path)):
+        result = heli3dof(*words, "-o", model, "--json")
+        assert result.code == diagnosed_code(path) == 5
+        assert result.document["error"].startswith("Bad data: ")
+        assert "per cent of the limit" in result.document["cause"]
+    assert not model.exists()
+
+
+def diagnosed_code(path: Path) -> int:
+    """Return the exit code of `heli3dof diagnose`."""
+    return heli3dof("diagnose", path, "--quick").code
 
 
 def test_terms_are_added_and_removed_by_name(tmp_path: Path) -> None:

@@ -43,6 +43,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import (
@@ -277,11 +279,23 @@ def fitted(
 
     before = after if fit is base else held_out(base, holdout)
     uncalibrated = held_out(base, holdout, base.structure.scaled(base.structure.values_of({})))
+    with_causes = None
+    if fit is not base:
+        with_causes = gain(held_out(fit, holdout, with_profile_numbers(fit)), after, seed=seed)
     wrong = simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
     return Fitted(
         base, fit, model, gain(before, after, seed=seed), before, after, wrong,
-        refit=gain(uncalibrated, before, seed=seed), calibration=base_parameters(fit),
+        refit=gain(uncalibrated, before, seed=seed), refit_with_causes=with_causes,
+        calibration=base_parameters(fit),
     )  # fmt: skip
+
+
+def with_profile_numbers(fit: CorrectedFit) -> np.ndarray:
+    """Return the scaled parameters (n,) of ``fit``, but the profile's trim torque and inertias."""
+    theta = fit.optimum.theta.copy()
+    body = [f.term is None for f in fit.free]
+    theta[body] = fit.structure.scaled(fit.structure.start)[body]
+    return theta
 
 
 def _findings(

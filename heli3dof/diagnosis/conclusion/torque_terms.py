@@ -3,8 +3,9 @@
 A residual torque is a torque that the fitted model lacks. Up to two terms are proposed for it: a
 formula, then a piecewise linear curve (`unmodelled.torque_formula`). A proposed term is added to
 the model, and all parameters are fitted again and bias-corrected. The first term with a significant
-gain on held-out data (`adoption.is_significant_gain`) is adopted. If no term has such a gain, the
-torque is dropped. If no term can be fitted, the torque is reported without a term in the model.
+gain on held-out data (`adoption.is_significant_gain`) is adopted, unless it makes predictions worse
+(`adoption.worsens`). If no term is adopted, the torque is dropped. If no term can be fitted, the
+torque is reported without a term in the model.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from heli3dof.diagnosis.conclusion.adoption import (
     is_significant_gain,
     log_likelihood_gain,
     with_size,
+    worsens,
 )
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
 from heli3dof.diagnosis.search.candidate_fits import with_term_at
@@ -63,7 +65,7 @@ def with_torques(
                 continue
             new = held_out(wider, holdout)
             g = gain(after, new, seed=setup.seed)
-            if is_significant_gain(g):
+            if is_significant_gain(g) and not worsens(g, wider.structure.profile):
                 fit, after = wider, new
                 kept.append(replace(torque, term=TorqueTerm(proposal, {}, g)))
                 break

@@ -181,7 +181,8 @@ def diagnose_without_likelihood(
     fitted = Fitted(
         None, None, model, free_run_gain(before, after, on, seed), None, None,
         _profile_error(nominal(tested[0].profile, simpler), tested),
-        free_run_gain(as_profile, before, on, seed), base_parameters(MeanTrimFit(adopted)), open_,
+        refit=free_run_gain(as_profile, before, on, seed),
+        calibration=base_parameters(MeanTrimFit(adopted)), open=open_,
     )  # fmt: skip
     if quick:
         findings = tuple(marked_like(f) for f in findings)

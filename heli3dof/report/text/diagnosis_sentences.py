@@ -14,8 +14,10 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
+from heli3dof.diagnosis.conclusion.wrong_lengths import is_far
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, minus, quoted
+from heli3dof.identification.greybox.thrust_scale import Measured
 from heli3dof.identification.profile_update import ratio_unit
 from heli3dof.model.effects import term
 from heli3dof.recording.provenance import run_command
@@ -33,13 +35,14 @@ VERDICTS = {
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
 NOT_IMPORTED = "The log cannot be imported as it is."
-ONLY_COUNTED = "Only lost samples were found; the fit predicts over them."
+ONLY_ALLOWED_FOR = "Only {} were found; the fit allows for them."
 BY_REFIT = "Refitted parameters explain the simulation error; see the causes below."
 WITH_REFIT = (
     "Refitted parameters explain one part of the simulation error, the causes below the rest."
 )
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
+WRONG_PROFILE = "A wrong length or mass in the profile is likely: correct it before searching on."
 UNCONFIRMED = "A further effect ({}) would fit better, but held-out data do not confirm it."
 LISTED = 6
 """Largest number of names that a sentence lists; of further names it gives only the number."""
@@ -47,6 +50,7 @@ NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` and `verdict` warn (chosen)."""
 COUNTED = "lost_share"
 """The only parameter that is counted, not estimated, and so has no standard deviation"""
+STAMPS = "uneven time stamps"
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no sentence mentions, because no flight identifies them: only a cable's torque
@@ -87,10 +91,13 @@ def verdict(document: Document) -> str:
         meaning = WITH_REFIT if adopted(document) else BY_REFIT
     if word == "ambiguous":
         meaning = meaning.format(_why_ambiguous(document))
+    if word == "unexplained" and far_inertias(document):
+        meaning = WRONG_PROFILE
     if _only_import_failed(document):
         meaning = NOT_IMPORTED
-    if word == "explained" and all(map(is_counted, document["findings"])):
-        meaning = ONLY_COUNTED
+    if word == "explained" and all(map(is_allowed_for, document["findings"])):
+        what = {"lost samples" if is_counted(f) else STAMPS for f in document["findings"]}
+        meaning = ONLY_ALLOWED_FOR.format(listed(sorted(what)))
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
@@ -164,16 +171,21 @@ def refit_explains(document: Document) -> bool:
     significant (`heli3dof.diagnosis.validation.gain.removes_most`). The verdict ``off_calibration``
     already states that the refit explains the error, so no test follows.
 
-    If the diagnosis added causes to the model, there is a second condition. The refitted model has
-    no causes, so a changed parameter may only compensate for a cause. The diagnosis therefore also
-    fits the parameters together with the causes. In this fit, at least one ratio of two parameters,
-    such as K_f/J_roll, must differ from its value in the profile (`changed_ratios`).
+    If the diagnosis added causes to the model, there are two more conditions. The refitted model
+    has no causes, so a changed parameter may only compensate for a cause:
+
+    - In the fit of the parameters together with the causes, at least one ratio of two parameters,
+      such as K_f/J_roll, differs from its value in the profile (`changed_ratios`).
+    - In the model with the causes, too, the refit removes most of an axis' error
+      (``explains_with_causes``; None: not measured).
     """
     if document["verdict"] == "off_calibration":
         return True
-    if adopted(document) and not changed_ratios(document):
-        return False
     gain = document.get("calibration_gain", {})
+    if adopted(document):
+        only_compensates = gain.get("explains_with_causes") is False
+        if only_compensates or not changed_ratios(document):
+            return False
     error = gain.get("holdout_rmse_deg")
     return any(
         won is not None
@@ -367,6 +379,14 @@ def is_counted(finding: Document) -> bool:
     return set(finding["parameters"]) == {COUNTED}
 
 
+def is_allowed_for(finding: Document) -> bool:
+    """Return True for a fault of a recording that causes no simulation error.
+
+    It is known at every sample (`heli3dof.integrity.Fault.allowed_for`).
+    """
+    return is_counted(finding) or bool(finding.get("allowed_for"))
+
+
 def size_and_std(key: str, estimate: Document) -> tuple[str, str]:
     """Return the size of a cause's parameter ``key``, and its standard deviation, as two texts.
 
@@ -557,6 +577,44 @@ def model_deviations(document: Document) -> Iterator[str]:
         yield f"Not explained: {x['sentence']}"
 
 
+def far_inertias(document: Document) -> list[Document]:
+    """Return the calibration's inertias that show a mistake in the profile.
+
+    They are significantly off, by more than the factor `conclusion.wrong_lengths.FAR`. One that is
+    confounded with another cause, such as an encoder's scale, shows a mistake only if corrected
+    lengths explain it.
+    """
+    is_explained = "corrected_lengths_m" in document.get("about", {})
+    confounded = {name_of(f) for f in document["findings"] if f["tied_with"]}
+    return [
+        c
+        for c in document["calibration"]
+        if c["parameter"].startswith("J_")
+        and c.get("beyond_tolerance") == "surely"
+        and is_far(Measured(c["nominal"], number(c["value"]), number(c["std"])))
+        and (is_explained or c["parameter"].replace("J_", "inertia.") not in confounded)
+    ]
+
+
+def wrong_masses_or_lengths(document: Document) -> list[str]:
+    """Return a sentence on a probable mistake in the profile's lengths or masses, if any."""
+    far = far_inertias(document)
+    if not far:
+        return []
+    factors = [(c["parameter"], number(c["value"]) / c["nominal"]) for c in far]
+    each = [f"{name} is {factor:.2f} times nominal" for name, factor in factors]
+    text = f"{listed(each)}. Likely cause: a wrong length or mass in the profile"
+    if any(rest["depends_on"] for rest in document["leftover"]):
+        text += ", which an unmodelled torque may only compensate for"
+    lengths = document.get("about", {}).get("corrected_lengths_m", {})
+    right = [f"{n} = {x['value']:.4g} m (profile: {x['profile']:.4g})" for n, x in lengths.items()]
+    if right:
+        half = ", half the distance between the motors' shafts" * ("L_h" in lengths)
+        text += f". With {listed(right)}{half}, all inertias agree with the profile"
+    keys = [f"geometry.{n}" for n in lengths] or ["[geometry] and [mass]"]
+    return [f"{text}. Measure and correct {listed(keys)}, then run heli3dof diagnose again."]
+
+
 def _profile_update(document: Document) -> Iterator[str]:
     """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile."""
     off = refit_explains(document) or any(
@@ -584,6 +642,8 @@ def next_steps(document: Document) -> Iterator[str]:
             else "Correct the log or record again, then run heli3dof diagnose again."
         )
         return
+    wrong_profile = wrong_masses_or_lengths(document)
+    yield from wrong_profile
     if document["verdict"] == "off_calibration":
         yield from _profile_update(document)
     upcoming = document["next_experiment"]
@@ -596,14 +656,16 @@ def next_steps(document: Document) -> Iterator[str]:
             f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
             "together with these recordings."
         )
-    if any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
+    has_formula = any(rest.get("formula") for rest in document["leftover"])
+    if has_formula and document["model"] and not wrong_profile:
         yield (
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
             f"--from {quoted(document['model'])}"
         )
     if document["verdict"] != "off_calibration":
         yield from _profile_update(document)
-    if any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"]):
+    has_curve = any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"])
+    if has_curve and not wrong_profile:
         yield (
             "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
             "rig could cause it, and add it as an effect (CONTRIBUTING.md)."

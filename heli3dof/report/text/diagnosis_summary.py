@@ -70,6 +70,10 @@ def simulation_error(document: Document) -> Iterator[str]:
     for axis in known:
         floor, rmse = error[axis]["noise_floor_deg"], error[axis]["rmse_deg"]
         size = f" {fixed(floor, 2, '°')}" if floor is not None and rmse > floor else ""
+        least = words.number(document["gain"]["holdout_rmse_deg"]["after"].get(axis))
+        if floor is not None and floor > words.NOISE_EXCESS * least:
+            # The extended model refutes this floor: its error contains all of the noise.
+            size = f" at most {fixed(least, 2, '°')}"
         noise = "" if floor is None else f" (noise{size})"
         parts.append(f"{axis} {fixed(rmse, 2, '°')}{noise}")
     if parts:
@@ -94,8 +98,9 @@ def causes(document: Document) -> Iterator[str]:
         sure = f" ({what}confidence {percent(f['confidence'])})" if known else ""
         like = "; likely, not confirmed" if f.get("like") else ""
         like = "; not tested (--quick)" if untested else like
-        if words.is_counted(f):  # last (`heli3dof.diagnosis.result.in_order`)
-            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} (counted)."
+        if words.is_allowed_for(f):  # last (`heli3dof.diagnosis.result.in_order`)
+            how = "counted" if words.is_counted(f) else "known from the time stamps"
+            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} ({how})."
             continue
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{confounded}{sure}{like}."
 

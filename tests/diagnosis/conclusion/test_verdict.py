@@ -197,7 +197,7 @@ def test_beyond_tolerance_has_three_values() -> None:
     )
     model = nominal(default_profile())
     gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
-    fitted = SimpleNamespace(refit=None,
+    fitted = SimpleNamespace(refit=None, refit_with_causes=None,
         final=None, open=None, model=model, calibration=numbers, gain=gain, noise_floor={},
         simulation_error=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
@@ -221,7 +221,8 @@ def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
     values |= dict(zip(("J_roll", "J_pitch", "J_yaw"), profile.inertias, strict=True))
     numbers = tuple(BaseParameter(1.0, v, 0.03 * v, n, "", 0.03) for n, v in values.items())
     fitted = SimpleNamespace(
-        refit=None, final=None, open=None, model=nominal(profile, T_g=1.25 * profile.trim_torque),
+        refit=None, refit_with_causes=None, final=None, open=None,
+        model=nominal(profile, T_g=1.25 * profile.trim_torque),
         gain=SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on=""),
         calibration=numbers, noise_floor={},
         simulation_error=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),

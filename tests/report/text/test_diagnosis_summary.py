@@ -113,6 +113,26 @@ def test_a_counted_share_is_no_cause_and_has_no_standard_deviation() -> None:
     assert "Only lost samples were found" in diagnosis_summary(document)[0]
 
 
+def test_jitter_of_exact_time_stamps_is_no_cause() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    jitter = {"jitter_s": {"value": 0.001002, "std": 5.8e-06}}
+    jittery = {"effect": "timing.jitter", "axis": None, "parameters": jitter, "allowed_for": True}
+    document["findings"][0] |= jittery
+    stated = "In the recording: timing.jitter, jitter 0.0010020 ± 0.0000058 s (known from the time "
+    assert any(line.startswith(stated) for line in diagnosis_summary(document))
+    document["verdict"], document["findings"] = "explained", document["findings"][:1]
+    assert "Only uneven time stamps were found" in diagnosis_summary(document)[0]
+
+
+def test_a_noise_floor_that_the_extended_model_refutes_is_not_called_noise() -> None:
+    """Predictions with the causes contain all of the noise: 0.71°. The fitted noise gives 2.79°."""
+    document = deepcopy(kept("diagnose.json"))
+    document["simulation_error"]["roll"] |= {"rmse_deg": 2.52, "noise_floor_deg": 2.79}
+    document["gain"]["holdout_rmse_deg"]["after"]["roll"] = 0.71
+    line = next(x for x in diagnosis_summary(document) if x.startswith("Simulation error"))
+    assert "roll 2.52° (noise at most 0.71°)" in line
+
+
 def test_terms_that_are_no_causes_are_left_to_the_tables() -> None:
     document = deepcopy(kept("diagnose.json"))
     parameters = {"torque_Nm": {"value": 0.1, "std": 0.1, "unit": "N·m", "prior_mean": 0.0,

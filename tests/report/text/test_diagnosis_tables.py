@@ -139,25 +139,58 @@ def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
 
 
 @pytest.mark.parametrize(
-    ("after", "low", "V_o_std", "stated"),
-    [(0.22, 3.5, 0.005, True), (3.5, 0.3, 0.005, False), (0.22, 3.5, 0.5, False)],
+    ("after", "low", "V_o_std", "with_causes", "stated"),
+    [
+        (0.22, 3.5, 0.005, True, True),
+        (3.5, 0.3, 0.005, True, False),
+        (0.22, 3.5, 0.5, True, False),
+        (0.22, 3.5, 0.005, False, False),
+    ],
 )
 def test_a_refit_that_explains_most_of_an_error_is_stated_beside_the_causes(
-    after: float, low: float, V_o_std: float, stated: bool
+    after: float, low: float, V_o_std: float, with_causes: bool, stated: bool
 ) -> None:
     """Refitting lowers roll from 4.13° to 0.22°: the causes alone do not explain the error.
 
-    They do if the calibration does not differ from the profile with the causes in the model.
+    They do if the calibration does not differ from the profile with the causes in the model, or if
+    the refit improves hardly anything in this model.
     """
     won = {"roll": {"value": 4.13 - after, "interval": [low, 4.0]}, "pitch": None}
     error = {"before": {"roll": 4.13, "pitch": None}, "after": {"roll": after, "pitch": None}}
     gain = {"holdout_rmse_deg": error, "rmse_reduction_deg": won}
+    gain["explains_with_causes"] = with_causes
     ratios = [{"ratio": "V_o", "nominal": 7.456, "value": 8.222, "std": V_o_std}]
     text = text_of(changed(verdict="explained", calibration_gain=gain, ratios=ratios))
     assert ("Refitted parameters explain one part" in text) is stated
     assert ("profile → refitted → with these causes: roll 4.13° → 0.22° → 0.50°." in text) is stated
     assert ("profile update" in text) is stated
     assert ("V_o = 8.2220 ± 0.0050 V (profile: 7.4560)" in text) is stated
+
+
+@pytest.mark.parametrize(
+    ("ratio", "tied", "lengths", "stated"),
+    [(0.5, [], True, True), (0.5, [], False, True), (1.3, [], False, False),
+     (0.5, ["encoder.scale.pitch"], False, False)],
+)  # fmt: skip
+def test_an_inertia_far_from_nominal_shows_a_mistake_in_the_profile(
+    ratio: float, tied: list[str], lengths: bool, stated: bool
+) -> None:
+    """The unmodelled torque may follow from it, so no effect is written for it."""
+    J = {"parameter": "J_pitch", "nominal": 0.16, "value": 0.16 * ratio, "std": 0.002}
+    J |= {"unit": "kg·m²", "tolerance": 0.15, "beyond_tolerance": "surely"}
+    off = {**DOCUMENT["findings"][0], "effect": "inertia", "axis": "pitch", "tied_with": tied}
+    document = changed(verdict="unexplained", calibration=[J], findings=[off])
+    if lengths:
+        document["about"] = {"corrected_lengths_m": {"L_h": {"profile": 0.4, "value": 0.2}}}
+    document["leftover"][0] |= {"term": "empirical.yaw.1", "formula": "c * pitch_rate"}
+    document["leftover"][0] |= {"formula_alternatives": [], "gain": document["gain"]}
+    c = {"value": 0.05, "std": 0.01, "unit": "N·m·s/rad"}
+    document["leftover"][0]["formula_parameters"] = {"c": c}
+    text = text_of(document)
+    assert ("A wrong length or mass in the profile is likely" in text) is stated
+    assert ("J_pitch is 0.50 times nominal" in text) is stated
+    assert ("With L_h = 0.2 m (profile: 0.4), half the distance" in text) is lengths
+    assert ("heli3dof effect new" in text) is not stated
 
 
 def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:

@@ -1,0 +1,88 @@
+"""Find a mistake in the profile's lengths that explains fitted inertias far from nominal.
+
+A rig with the true lengths L' (m) and inertias J' (kg·m²) moves with the accelerations
+
+    q̈_roll = L_a' F/J_roll'      q̈_pitch = L_h' D/J_pitch'      ψ̈ = −L_a' F sin p/J_yaw'
+
+F and D are sum and difference of the thrusts (N), p is pitch. The profile has the lengths L. A
+simulation with these lengths gives the same accelerations if its inertias are
+
+    J = J' L/L'        with L_a/L_a' for roll and yaw, L_h/L_h' for pitch
+
+So a fit with wrong lengths gives these J. `wrong_lengths` compares them with the fit for each
+mistake that is usual. An example is a full distance instead of half of it. Then L = 2 L' and
+J_pitch' = J_pitch,nominal/4, so the fitted J_pitch is half the nominal one.
+
+The torques on the axes then have different wrong scales. So the inertia couplings between the axes
+are wrong, which looks like an unmodelled torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.identification.greybox.thrust_scale import Measured, edge
+from heli3dof.rig.profile import Profile
+
+FAR = 1.5
+"""A factor by which an inertia differs from nominal only if a mass or a length is wrong. Chosen:
+measured ones are within the profile's tolerance, 1.15, and the inertia contains a length squared"""
+ARMS = {"roll": "L_a", "pitch": "L_h", "yaw": "L_a"}
+"""Axis → lever arm of the thrust"""
+
+
+def wrong_lengths(profile: Profile, ratios: Mapping[str, Measured]) -> dict[str, float]:
+    """Return corrected lengths {name: m} with which all inertias agree with the profile.
+
+    ``ratios`` contains the fitted ratios K_f/J (`identification.profile_update.ratios`), in which
+    an error of the thrust gain K_f cancels. The result is empty if none of the usual mistakes
+    brings all three ratios within the profile's tolerance, or if no inertia is far from nominal
+    (`is_far`).
+    """
+    fitted = {a: ratios[f"K_f/J_{a}"] for a in AXES if f"K_f/J_{a}" in ratios}
+    if len(fitted) < len(AXES) or not any(map(is_far, fitted.values())):
+        return {}
+    best, least = dict[str, float](), np.inf
+    for lengths in _mistakes(profile):
+        x = _deviations(profile, lengths, fitted)
+        if all(abs(v) <= abs(edge(v, profile.tolerance)) for v in x) and x @ x < least:
+            best, least = lengths, float(x @ x)
+    return best
+
+
+def is_far(m: Measured) -> bool:
+    """Return whether a value differs from its nominal one by a factor of more than `FAR`."""
+    return not 1 / FAR <= m.value / m.nominal <= FAR
+
+
+def _mistakes(profile: Profile) -> Iterator[dict[str, float]]:
+    """Yield the true lengths for each usual mistake: half or double a length, or two exchanged."""
+    L = profile.geometry.model_dump()
+    for name, value in L.items():
+        yield {name: value / 2}
+        yield {name: value * 2}
+    names = list(L)
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            yield {a: L[b], b: L[a]}
+
+
+def _deviations(
+    profile: Profile, lengths: Mapping[str, float], fitted: Mapping[str, Measured]
+) -> np.ndarray:
+    """Return ln(expected J/fitted J) of the three inertias (3,), if ``lengths`` are the true ones.
+
+    The thrust gain is taken as the profile's.
+    """
+    geometry = profile.geometry.model_copy(update=dict(lengths))
+    J = profile.model_copy(update={"geometry": geometry}).inertias
+    K_f = profile.motor.K_f
+    out = []
+    for axis, inertia in zip(AXES, J, strict=True):
+        arm = ARMS[axis]
+        expected = inertia * getattr(profile.geometry, arm) / getattr(geometry, arm)
+        out.append(np.log(expected * fitted[axis].value / K_f))
+    return np.array(out)
