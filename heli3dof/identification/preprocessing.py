@@ -92,7 +92,11 @@ class RecordingReport:
         }
 
     def sentences(self) -> list[str]:
-        """Return the statistics and the shares of rows as lines of text."""
+        """Return a summary of the recording as lines of text.
+
+        It states the sample period, the jitter, the lost samples, the share of rows that a fit can
+        use, and the share that is left out for each reason.
+        """
         c = self.timing
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
@@ -199,7 +203,10 @@ def moving_axes_only(recording: Recording) -> Recording:
 
 
 def still_axes(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return the axes whose angle is not measured, or never changes, in any of the recordings."""
+    """Return the axes without a measured motion.
+
+    In every recording, the angle of such an axis is either constant or not measured.
+    """
     moving = {a for r in recordings for a in moving_axes_only(r).axes}
     return tuple(a for a in AXES if a not in moving)
 

@@ -223,9 +223,10 @@ def ratios(
 ) -> dict[str, Measured]:
     """Return the hover voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
-    Flights do not identify the thrust gain K_f, so the inertias J contain its error; in K_f/J it
-    cancels. The arguments are those of `profile_keys`. V_o, the voltage of level hover, is left out
-    if ``hover`` is None. The result is empty if ``base`` is.
+    Flights do not identify the thrust gain K_f. If the K_f of a fit is wrong by a factor, all
+    fitted inertias J are wrong by the same factor, so K_f/J is correct. V_o is the voltage of level
+    hover; it is left out if ``hover`` is None. `profile_keys` explains the arguments. If ``base``
+    is empty, the result is empty, too.
     """
     if not base:
         return {}

@@ -3,30 +3,31 @@
 G is the fitted transfer function from the sum or the difference of the two motor voltages to one
 angle. A simplification H of G is accepted if, at all frequencies ω of a grid,
 
-    |H(jω) − G(jω)| ≤ L(ω),        L = max(2 σ, `ROUNDING`·M),        σ² = var Re G + var Im G
+    |H(jω) − G(jω)| ≤ L(ω),     L = max(2 σ, `ROUNDING`·G_max),     σ² = var Re G + var Im G
 
-that is, if the recordings do not distinguish H from G. If σ is unknown, L is `ROUNDING`·M. M is
-computed from the transfer functions from the front and from the back motor's voltage to the same
-angle: it is the larger of their moduli at ω. There are five simplifications:
+Then the recordings do not distinguish H from G. If σ is unknown, L is `ROUNDING`·G_max. G_max(ω) is
+the larger modulus of two transfer functions: those from the front motor's voltage and from the back
+motor's voltage to the same angle. There are five simplifications:
 
-* the transfer function is zero,
-* a zero moves to infinity (its factor of the numerator is omitted),
-* a real pole beyond the grid moves to infinity: a lag shorter than 10 ms, or than 0.4 sampling
-  intervals if that is longer,
-* a pole and a zero cancel,
-* the roots of a factor, or of two real factors, move to the origin, if the coefficients of the
-  factor or of the product are zero within two standard deviations.
+* The whole transfer function becomes zero.
+* A zero moves to infinity: its factor of the numerator is omitted.
+* A real pole beyond the grid moves to infinity. Its time constant is shorter than 10 ms or 0.4
+  sampling intervals, whichever is longer.
+* A pole and a zero cancel.
+* The roots of a factor move to the origin, if all coefficients of the factor are zero within two
+  standard deviations. The same applies to the product of two first-order factors.
 
-`heli3dof.identification.factored_transfer_function` defines the gain k and the factors with the
-coefficients a, b, c. k is fitted again after each simplification. If several simplifications are
-possible, the one with the smallest maximum of |H − G|/L over the grid is applied. Roots move to the
-origin only after no other simplification is possible.
+H has a gain k and factors s + a or s² + b s + c of the numerator and the denominator
+(`heli3dof.identification.factored_transfer_function`). k is fitted again after each simplification.
+If several simplifications are possible, the one with the smallest maximum of |H − G|/L over the
+grid is applied. Roots move to the origin only after no other simplification is possible.
 
 If the moved roots are poles, 1/H is compared with 1/G, because 1/G is linear in the coefficients of
 the denominator. The standard deviation of 1/G is σ/|G|².
 
-Let P be the covariance of the polynomials' coefficients θ, J = ∂H/∂φ, S = ∂G/∂θ and W = 1/σ². The
-standard deviations of the coefficients φ = (k, a, b, c) follow from
+Let θ be the coefficients of the fitted polynomials (numerators and denominator), with the
+covariance P. Let φ be the gain and all coefficients a, b, c of H. With the derivatives S = ∂G/∂θ
+and J = ∂H/∂φ on the grid, and the weights W = 1/L², a weighted least-squares fit of H to G gives
 
     δφ = (Jᴴ W J)⁻¹ Jᴴ W S δθ = M δθ,    cov φ = M P Mᵀ
 """
@@ -170,11 +171,13 @@ class _Channel:
     def refitted(
         self, H: FactoredTransferFunction, *, poles: bool = False
     ) -> tuple[FactoredTransferFunction, float]:
-        """Return H with its gain fitted to the response G, and the largest |H − G|/``limit``.
+        """Return H with its gain fitted to the response G, and the maximum of |H − G|/``limit``.
 
-        The largest value is that over all frequencies; above 1, H differs significantly from G. The
-        gain is fitted by least squares with the weights 1/``limit``². ``poles``: H and G differ in
-        poles, so the function compares 1/H with 1/G.
+        G is the fitted transfer function, H a simplification of G. ``limit`` is the largest
+        insignificant |H − G| at each frequency. So a maximum above 1 means that H and G differ
+        significantly. The gain is fitted by least squares with the weights 1/``limit``².
+        ``poles``: True if the simplification moved poles of H to the origin. Then 1/H is compared
+        with 1/G, with the limit ``limit``/|G|².
         """
         shape = replace(H, gain=1.0).at(self.s)
         w = 1 / self.limit**2
@@ -191,7 +194,7 @@ class _Channel:
 
         `refitted` fits the candidate's gain and computes the deviation. A candidate whose deviation
         exceeds 1 differs significantly from G. If all candidates do, the result is None. ``poles``:
-        True if the candidates and G differ in poles.
+        True if poles of the candidates were moved to the origin.
         """
         best, least = None, 1.0
         for H, deviation in (self.refitted(H, poles=poles) for H in candidates):
@@ -282,13 +285,16 @@ def _degree(factors: Sequence[Factor]) -> int:
 
 
 def _with_roots_at_origin(factors: tuple[Factor, ...]) -> Iterator[tuple[Factor, ...]]:
-    """Yield variants of the ``factors`` of a numerator or denominator, with one or two roots at 0.
+    """Yield variants of the factors of a polynomial, with one or two roots moved to 0.
 
-    There is a variant for each factor s + a or s² + b s + c whose coefficients are all within
-    `SIGMAS` standard deviations of 0. In the variant, s or s² replaces this factor. There is also a
-    variant for each such product of two factors s + a (`_product`), because two uncertain factors
-    may have a product s² + k with a k near 0. There the delta method gives no valid standard
-    deviation of the roots ±√−k.
+    A numerator or denominator is a product of ``factors`` s + a or s² + b s + c. If all
+    coefficients of a factor are within `SIGMAS` standard deviations of 0, there is a variant with s
+    or s² instead of this factor.
+
+    The same test is applied to the product of any two factors s + a (`_product`). If it passes,
+    there is a variant with s² instead of both. The test of the single factors would miss this case:
+    if their product is s² + k with k near 0, their roots are ±√−k. The delta method gives no valid
+    standard deviation of √−k there.
     """
     zero = Factor((0.0,), (0.0,))
     real = [i for i, f in enumerate(factors) if len(f.std) == 1 and any(f.coefficients)]

@@ -1,7 +1,7 @@
 """Select the rows of a flight to which a linear model can be fitted; give a reason for the others.
 
 A linear model about hover does not describe the rig on its table, at a stop, in take-off, or in
-free fall. Such rows are left out, each counted under a reason:
+free fall. Such rows are left out, for one of these reasons:
 
 ``unread``        a NaN in a voltage or an angle
 ``table``         roll at most 1° above its angle on the table, for 0.1 s or more
@@ -20,8 +20,10 @@ stays longer,
 
     v T > `HIT` q
 
-A filter without stops would treat even a shorter impact as process noise. So if a row is at a stop,
-all rows of the flight with the same count are left out.
+This test misses impacts in which the arm leaves the stop sooner. But they also harm a fit, because
+a filter whose model has no stops treats them as process noise. All rows with the arm at the same
+stop have the same encoder count. So if the test finds a row at a stop, all rows of the flight with
+the same count of this encoder are left out.
 
 Rows in flight with a voltage at its limit are kept, because the recorded voltage is that at the
 motor. Their share is reported.

@@ -34,7 +34,10 @@ class Reproduced:
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return this number's entry in ``compare --json``, with None for NaN in ``ours_deg``."""
+        """Return the number's entry in the output of ``compare --json``.
+
+        If the number was not simulated (``ours_deg`` is NaN), ``ours_deg`` is None in the entry.
+        """
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 

@@ -23,7 +23,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import interval
 from heli3dof.identification.greybox.multistep import WINDOW_S, MultiStepFit
-from heli3dof.identification.greybox.weak_form import SmoothedFlight, log_of, residuals
+from heli3dof.identification.greybox.weak_form import SmoothedFlight, residuals, smoothed_flight
 
 CURVE_KNOTS = 5
 RIDGE = 1.0
@@ -41,7 +41,7 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
     the share times the number of spans. ``confidence`` is the fraction of bootstrap samples with a
     positive share.
     """
-    logs = [log_of(f) for f in fit.problem.flights]
+    logs = [smoothed_flight(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
     rows, t, x = _spans(logs)
     J = fit.values[1:4]

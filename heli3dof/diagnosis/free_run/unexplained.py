@@ -48,7 +48,12 @@ from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.free_run.refits import with_recordings
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import MultiStepFit
-from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
+from heli3dof.identification.greybox.weak_form import (
+    DIFFERENCE,
+    SPANS_S,
+    residuals,
+    smoothed_flight,
+)
 from heli3dof.model.estimation.filter_data import climb_rows
 from heli3dof.model.greybox.linearisation import equilibrium_deg, hover_voltage
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -146,7 +151,7 @@ def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[floa
     (flight,) = alone.flights
     first = k + round(SPUN_UP_S / flight.dt)
     climb = replace(flight, starts=np.array([first]))
-    log = log_of(climb, max((k + n - first) * flight.dt, SPANS_S[0] + 2 * flight.dt))
+    log = smoothed_flight(climb, max((k + n - first) * flight.dt, SPANS_S[0] + 2 * flight.dt))
     alone = replace(alone, flights=(climb,))
     measured = float(log.spans[0].integrals(log.y, np.zeros_like(log.y))[:, 1].mean())
 

@@ -50,8 +50,10 @@ class ScoreBias:
     def of_loglik(self, theta: np.ndarray, noise: np.ndarray) -> float:
         """Return the bias of the log-likelihood at ``theta`` (n,) and ``noise`` (4,).
 
-        At the parameters and noise of the simulated flights, the bias is zero. From there it grows
-        linearly, with the mean derivatives as slopes. The corrected log-likelihood subtracts it.
+        The bias is zero at the parameters and noise with which flights were simulated. It is linear
+        in ``theta`` and in the logarithm of the process noise. Its gradient is the mean gradient of
+        the log-likelihood of the simulated flights, which would be zero without a bias. The
+        corrected log-likelihood is the log-likelihood minus this bias.
         """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.by_theta @ (theta - self.theta_0) + self.by_log_noise @ ratio)

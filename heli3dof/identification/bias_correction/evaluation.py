@@ -41,10 +41,10 @@ grid of values sets them instead. Each with the step of its finite difference, i
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The log-likelihood's derivatives at given values of the n parameters and the noise.
+    """Derivatives of the log-likelihood ℓ with respect to n scaled parameters θ and the noise.
 
-    The other fields are large arrays of the filter's run over E encoder readings, from which the
-    derivatives are computed.
+    They are the fields g, H, slope and curvature. These are computed from the fields at, path and
+    T: large arrays from the filter's run over E encoder readings.
     """
 
     g: np.ndarray

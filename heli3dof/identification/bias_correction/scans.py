@@ -97,13 +97,14 @@ class Frequencies:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the largest score over all frequencies, and the torque with this score (`Peak`).
+        """Return the largest score of a sinusoidal torque over all frequencies (`Peak`).
 
-        Time is divided into C chunks (short time intervals). ``L`` (C, 3) are the derivatives of
-        the log-likelihood with respect to the acceleration of each axis in each chunk, without the
-        part that changes of the fitted parameters explain. ``unit`` (C, 3) are the accelerations
-        (rad/s²) by a constant torque of 1 N·m. ``information`` is the result of the method
-        `information`.
+        The result also contains the amplitude (N·m), the frequency (Hz) and the phase (rad) of the
+        torque with this score. Time is divided into C short intervals. ``L`` (C, 3) are the
+        derivatives of the log-likelihood with respect to the acceleration of each axis in each
+        interval. They exclude the part that changes of the fitted parameters explain. ``unit``
+        (C, 3) are the accelerations (rad/s²) by a constant torque of 1 N·m. ``information`` is the
+        result of the method `information`.
         """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source
@@ -173,10 +174,11 @@ class Instants:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the largest score over all instants, and the torque with this score (`Peak`).
+        """Return the largest score of an added mass over all times when it may be added (`Peak`).
 
-        The arguments are those of `Frequencies.peak`, but ``unit`` (C, 3) are the accelerations by
-        an added mass of 1 kg.
+        The result also contains the mass (kg) and the time (s) that belong to this score. The
+        arguments are those of `Frequencies.peak`, but ``unit`` (C, 3) are the accelerations
+        (rad/s²) by an added mass of 1 kg.
         """
         when, v = information
         t = evaluation.path.t

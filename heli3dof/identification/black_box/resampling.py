@@ -34,7 +34,7 @@ from heli3dof.identification.black_box.stabilisation import kalman_gain, with_st
 from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
 FASTEST = 1e-3
-"""A real eigenvalue λ of A up to this value is replaced by |λ|, or by this value if larger."""
+"""A real eigenvalue λ of A that does not exceed this value is replaced by max(|λ|, this value)."""
 SLOWEST_NEGATIVE = -0.5
 """A real eigenvalue of A below this has no continuous equivalent; the fit is rejected."""
 WELL_CONDITIONED = 1e6
@@ -47,16 +47,16 @@ class NoContinuousModel(ValueError):
     """Raised if a discrete-time model has no continuous-time equivalent.
 
     The usual cause is a real pole z between −1 and `SLOWEST_NEGATIVE` (−0.5). Its mode changes sign
-    at every sample, as the mode of no real continuous-time pole does, and it decays slowly.
+    at every sample and decays slowly. A real pole of a continuous-time model cannot cause this.
     """
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return A (n, n) and B (n, m) of a discrete-time model, changed so that ln A is real.
 
-    Each real eigenvalue of A up to `FASTEST` is replaced by its absolute value, or by `FASTEST` if
-    that is larger. B is changed so that the model's static gain stays the same. Raises
-    NoContinuousModel if a real eigenvalue is below `SLOWEST_NEGATIVE`.
+    ln A is not real if A has a negative eigenvalue. Every real eigenvalue λ ≤ `FASTEST` (0.001) is
+    replaced by max(|λ|, `FASTEST`). B is changed so that the model's static gain stays the same.
+    Raises NoContinuousModel if a real eigenvalue is below `SLOWEST_NEGATIVE` (−0.5).
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))

@@ -1,4 +1,8 @@
-"""Stabilise a model's one-step predictor by another gain K, or its plant by moving poles of A."""
+"""Stabilise an identified state-space model.
+
+Either the gain K is replaced, so that the one-step predictor with the state matrix A − K C is
+stable. Or unstable poles of A are moved, so that the model itself is stable.
+"""
 
 from __future__ import annotations
 

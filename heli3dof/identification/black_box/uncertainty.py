@@ -28,9 +28,10 @@ from heli3dof.model.discretisation import Continuous
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
-    """Return ``model`` with the vector ``delta`` added to the entries of its matrices.
+    """Return ``model`` with its matrices changed by the vector ``delta``.
 
-    ``delta`` lists the changes of [Ã B K], then of C, both row by row.
+    ``delta`` lists the changes of [Ã B K], then of C, both row by row. Ã = A − K C is the state
+    matrix of the one-step predictor. The new A of the model is the new Ã + K C.
     """
     n, m, l = model.order, model.B.shape[1], len(model.C)
     dW = delta[: n * (n + m + l)].reshape(n, n + m + l)

@@ -1,15 +1,16 @@
 """Fit the base simulation, the model to which a diagnosis adds effects.
 
-If the controller is known, the fit is bias-corrected (`bias_correction.correction`). `identify`
-uses this fit, too, on extreme limit cycles. There are two special cases:
+If the controller is known, the fit is bias-corrected (`bias_correction.correction`). ``identify``
+takes the process noise of this fit if its own corrected fit does not explain a limit cycle
+(`closed_loop_fit.identify_correction`). There are two special cases:
 
-- Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
-  rig. So the bias correction starts at the noise with which simulated flights have the recorded
-  limit cycle (`closed_loop_fit.limit_cycle`). If it diverges from there, it starts again at the
-  maximum of the uncorrected likelihood. If it succeeds, a further fit also matches how often the
-  encoder counts change (`closed_loop_fit.edge_rates`).
-- Implausible inertia (`implausible_inertias`): the fit is repeated with a narrow prior of the
-  inertias (`with_plausible_inertias`). The later fits of a diagnosis follow the same rule.
+- The recordings have a limit cycle. Then a smaller inertia with more noise has nearly the same
+  likelihood as the true values. So the bias correction starts at the noise with which simulated
+  flights have the recorded limit cycle (`closed_loop_fit.limit_cycle`). If the correction diverges,
+  it is repeated from the maximum of the uncorrected likelihood. After a successful correction, a
+  further fit also matches how often the encoder counts change (`closed_loop_fit.edge_rates`).
+- An inertia is implausible (`implausible_inertias`). Then the fit is repeated with a narrow prior
+  of the inertias (`with_plausible_inertias`). The later fits of a diagnosis follow the same rule.
 """
 
 from __future__ import annotations
@@ -174,20 +175,23 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
 
 
 def start_scales(plain: Estimate) -> list[float]:
-    """Return the ratios of inertia to nominal inertia at which fits on a limit cycle start.
+    """Return factors on the profile's inertias for the start points of a bias correction.
 
-    One fit starts at the ratio 1. If the trim torque of the fit ``plain`` shows a wrong thrust
-    gain, another fit starts at the ratio that this gain implies (`thrust_ratio`).
+    They are used for recordings with a limit cycle. The bias correction starts at the inertias with
+    the first factor, which is 1. If it diverges, it starts again with the second factor. There is a
+    second factor only if the trim torque of the uncorrected fit ``plain`` shows that the thrust
+    gain is wrong. It is the factor by which this error multiplies the inertias (`thrust_ratio`).
     """
     ratio = thrust_ratio(plain, AXES)
     return [1.0] if ratio == 1.0 else [1.0, ratio]
 
 
 def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, scale: float) -> Start:
-    """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
+    """Return start values for the bias correction of a fit to recordings with a limit cycle.
 
-    The parameters are those of the fit ``plain``, but with the profile's inertias times ``scale``.
-    The noise is `matched_noise`. ``cycling`` (3,) bool: the axes that are on a limit cycle.
+    They are n scaled parameters and the noise (4,). The parameters are those of the fit ``plain``,
+    but the inertias are the profile's times ``scale``. With the noise from `matched_noise`,
+    simulated flights have the recorded limit cycle. ``cycling`` (3,) bool: axes on a limit cycle.
     """
     theta, noise = plain.theta.copy(), plain.optimum.noise
     theta[1:4] = plain.problem.prior_mean[1:4] + np.log(scale)

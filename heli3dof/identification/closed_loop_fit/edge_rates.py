@@ -64,7 +64,12 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One iteration: the moments m of the recordings and of B flights at y = (θ, ln a)."""
+    """The result of an iteration: the moments of the recordings and of B simulated flights.
+
+    The n + 6 moments of a flight are its scores ∂ℓ/∂θ, its derivatives ∂ℓ/∂ln a, and its three
+    edge rates (shares of samples at which an encoder's count changes). ℓ is the log-likelihood, θ
+    are n scaled parameters, a the process noises of three axes.
+    """
 
     difference: np.ndarray
     """(n + 6,) the recordings' moments minus the flights' mean moments"""
@@ -134,11 +139,14 @@ def simulated_round(
     problem: Likelihood, y: np.ndarray, jitter: np.ndarray, recordings: Sequence[Recording],
     seed: tuple[int, ...], flights: int, *, designed: bool, number: int,
 ) -> Round:  # fmt: skip
-    """Return the moments of the recordings and of a number of ``flights`` simulated at ``y``.
+    """Simulate flights with the parameters ``y``; compare their moments with the recordings'.
 
-    ``y`` (n + 3,) is (θ, ln a): scaled parameters and log noise. If ``designed``, the two-level
-    `design` varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter in s.
-    ``number``: number of the round, for the progress message. `Round` defines the moments.
+    The moments of a flight are its n scores, three derivatives ∂ℓ/∂ln a of its log-likelihood ℓ,
+    and three edge rates (shares of samples at which an encoder's count changes). ``y`` (n + 3,) is
+    (θ, ln a): n scaled parameters θ, and logarithms of the process noise a of three axes.
+    ``jitter`` (1,) is the sampling jitter (s), ``flights`` the number of simulated flights. If
+    ``designed``, a two-level `design` varies their inertias and noises. ``number`` is the number of
+    this round in the progress message.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -185,17 +193,19 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return the Jacobian G (n + 6, n + 3) of the vector of moments, m = (g, ∂ℓ/∂ln a, r).
+    """Return the Jacobian G (n + 6, n + 3) of the mean moments of simulated flights.
 
-    g (n,) are the scores of the n scaled parameters. For each axis, there is also the derivative of
-    the log-likelihood ℓ with respect to ln a (a: noise intensity), and the edge rate r (share of
-    samples at which the encoder count changes). The columns of G contain the derivatives of m with
-    respect to the n parameters, then with respect to the three ln a.
+    The moments of a flight are m = (∂ℓ/∂θ, ∂ℓ/∂ln a, r). ℓ is the log-likelihood, θ (n,) are the
+    scaled parameters, a (3,) the process noises of three axes. r (3,) are the edge rates: shares of
+    samples at which an encoder's count changes. The columns of G are the derivatives of the mean m
+    with respect to θ and ln a of the simulated rig.
 
-    ``H`` (n, n) is the Fisher information, used for the scores. ``effects`` (6, n + 6) contains
-    estimated derivatives of all moments: rows 0 to 2 with respect to the logarithms of the three
-    inertias, rows 3 to 5 with respect to ln a. G contains only some of them: the derivatives of an
-    axis' moments (`moments_of_axis`) with respect to the inertia and noise of the same axis.
+    ``H`` (n, n) is the Fisher information of θ, which equals the derivatives of the mean scores
+    ∂ℓ/∂θ with respect to θ. ``effects`` (6, n + 6) contains estimates of further derivatives of m:
+    rows 0 to 2 with respect to the logarithms of the three inertias, rows 3 to 5 with respect to
+    ln a. Three moments belong to each axis (`moments_of_axis`). G takes from ``effects`` only their
+    derivatives with respect to the inertia and the noise of the same axis. The other elements of G
+    are those of H, or zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))

@@ -136,13 +136,17 @@ class Estimate(PhysicalFit):
 def estimate(
     problem: Likelihood, *, start: np.ndarray | None = None, noise: np.ndarray | None = None
 ) -> Estimate:
-    """Return the maximum-likelihood fit, searched from the scaled parameters ``start`` (n,).
+    """Return the maximum-likelihood fit of the rig's parameters to recordings.
 
-    ``problem`` is the likelihood of the recordings. ``noise`` (4,) is the initial process noise on
-    roll, pitch, yaw (rad/s²/√Hz) and jitter (s); None: defaults. If the search does not converge,
-    it is repeated from other parameter values. Some effects begin at an unknown instant, such as an
-    added mass. Without ``start``, the search starts at the instant at which the score test of the
-    effect has its largest statistic (`bias_correction.scans`).
+    ``problem`` is the likelihood, a function of n scaled parameters and the noise. ``start`` (n,)
+    are the initial parameters of the search. ``noise`` (4,) is the initial process noise on roll,
+    pitch, yaw (rad/s²/√Hz) and the initial sampling jitter (s); None: defaults. If the search does
+    not converge, it is repeated from other parameter values, and the best result is returned.
+
+    Without ``start``, the search starts at the prior mean. Some effects, such as an added mass,
+    begin during a recording. The time of this change is a parameter, for which the prior mean is
+    no good initial value. A score test for each possible time determines it instead
+    (`bias_correction.scans`): the initial value is the time with the largest test statistic.
     """
     if start is None:
         start, noise = _start_at_instants(problem, noise)
@@ -164,9 +168,10 @@ def _start_at_instants(
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Return start values of a fit: scaled parameters (n,) and noise (4,).
 
-    Some effects begin at an unknown instant, such as an added mass. The function first
-    fits the model without these effects. Each effect then starts at the instant at which its score
-    is largest. If the model has no such effect, the function returns the prior mean and ``noise``.
+    Some effects, such as an added mass, begin during a recording, at an unknown time. The function
+    first fits the model without these effects. Then the score of each effect is computed for many
+    possible times. The time with the largest score is the start value of the effect's parameter for
+    the time. If the model has no such effect, the function returns the prior mean and ``noise``.
     """
     from heli3dof.identification.bias_correction.scans import likeliest_instant
 
@@ -246,8 +251,8 @@ def block_numbers(data: Data, block_s: float) -> np.ndarray:
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Return the Cramér–Rao bound (n,) on the standard deviations of the scaled parameters.
 
-    The bound is that at the scaled parameters ``theta`` (n,), and includes the prior's information.
-    ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    The bound is evaluated at the scaled parameters ``theta`` (n,). It includes the prior's
+    information. ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     white = replace(
         problem,

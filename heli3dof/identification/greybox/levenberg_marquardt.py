@@ -4,9 +4,9 @@
 
 r (R,) are the residuals, z (dim,) the unknowns; z_0 is the prior mean, Λ (dim, dim) the prior's
 precision. There are two searches. `descend` computes D in every iteration, which takes dim
-evaluations of r. `follow_on` starts near a minimum, with the derivatives D of a similar problem
-(one residual or unknown more or less). It updates D from every evaluation (Broyden), with d the
-step and w = diag(D Dᵀ + Λ) d:
+evaluations of r. `follow_on` starts near a minimum, with the derivatives D of a similar problem,
+for example one without the last unknown. It updates D after every evaluation (Broyden's method).
+With the step d and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 

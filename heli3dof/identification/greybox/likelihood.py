@@ -105,7 +105,10 @@ class Likelihood:
         )
 
     def loglik(self, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return the log-likelihood (3,) by axis at the arguments of `run`."""
+        """Return the log-likelihood (3,) by axis, at scaled parameters θ (n,) and noise ``a`` (4,).
+
+        ``a`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s).
+        """
         return self.run(theta, a, keep=0).loglik
 
     def log_prior(self, theta: np.ndarray) -> float:

@@ -3,9 +3,9 @@
 Each round has two parts, one for the noise and one for the scaled parameters θ.
 
 1. A Newton step of ln a for the process noise a of each axis. Slope and curvature come from the
-   likelihoods at a lower, the present and a higher noise. As the axes are nearly independent, the
-   noises of all axes change together. Once the noise has converged, only every fourth round takes
-   this step.
+   axis' part of the log-likelihood at a lower, the present and a higher noise. This part hardly
+   depends on the noise of the other axes. So three filter runs, each with the same change of ln a
+   on all axes, are enough. Once the noise has converged, only every fourth round takes this step.
 2. A step δ of θ, within the bounds. Let c be the filter's prediction of a reading, and ∂c its
    gradient with respect to θ at fixed filter gains. g is the score of the reading, w its
    information. Λ is the prior's precision, θ_0 its mean. δ solves

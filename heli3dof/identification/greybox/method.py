@@ -53,11 +53,14 @@ filter models jitter, gives better estimates than the multi-step fit."""
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return a maximum-likelihood fit to training runs, and to recordings that lack an angle.
+    """Return a maximum-likelihood fit of a grey-box model to recordings.
 
-    ``request.terms`` names the effects to fit; None takes `DEFAULT_TERMS` and tests simplified
-    equations (`greybox.structure_test`). Simulated flights may correct the bias of the fit
-    (`closed_loop_fit.identify_correction`).
+    The data are the training part of the recordings ``prepared``, and the recordings
+    ``request.partial``, in which an angle was not measured. ``request.terms`` names the effects
+    whose parameters are fitted. If it is None, the effects are `DEFAULT_TERMS`. In this case the
+    fit also tests whether simplified equations of motion fit much better
+    (`greybox.structure_test`). If the controller is known and the fit is biased, simulated flights
+    correct the bias (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     given = [*prepared.recordings, *request.partial]

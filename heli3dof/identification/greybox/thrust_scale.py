@@ -60,10 +60,13 @@ class ThrustScale:
     std: float
 
     def to_si(self, value: float, std: float, unit: str) -> tuple[float, float]:
-        """Return (value, standard deviation) in SI of an estimate in units of the thrust gain.
+        """Return an estimate and its standard deviation, corrected for the thrust gain's error.
 
-        If the ``unit`` contains neither N·m nor kg, the estimate does not depend on the thrust gain
-        and is returned unchanged.
+        A fit assumes the thrust gain in the profile. The true gain is k times this gain, so the
+        true torques, masses and inertias are k times their estimates. The returned standard
+        deviation includes the uncertainty of k. If the ``unit`` contains neither N·m nor kg, the
+        estimate does not depend on the thrust gain. Then ``value`` and ``std`` are returned
+        unchanged.
         """
         if not any(u in unit for u in TORQUE_UNITS):
             return value, std

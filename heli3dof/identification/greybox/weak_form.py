@@ -118,10 +118,12 @@ class SmoothedFlight:
     spans: tuple[Span, ...]
 
 
-def log_of(flight: Flight, window_s: float = WINDOW_S) -> SmoothedFlight:
-    """Return the flight with smoothed readings, and with test functions in its prediction windows.
+def smoothed_flight(flight: Flight, window_s: float = WINDOW_S) -> SmoothedFlight:
+    """Return the flight with smoothed encoder readings, rates, and test functions for its windows.
 
-    These windows of the length ``window_s`` (s) begin at the rows ``flight.starts``.
+    The model is fitted to time windows of the flight, which have the length ``window_s`` (s) and
+    begin at the rows ``flight.starts``. The result contains the test functions of the weak form
+    (see the module), and the rows at which they begin. They cover only rows inside these windows.
     """
     from scipy.signal import savgol_filter
 
@@ -200,7 +202,7 @@ def weak_start(
     They minimise the weak form's errors over the flights of ``problem``. The search starts at
     ``start`` (dim,); ``progress`` gets lines of text.
     """
-    logs = [log_of(f) for f in problem.flights]
+    logs = [smoothed_flight(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     for n in range(ROUNDS):
         if progress is not None:

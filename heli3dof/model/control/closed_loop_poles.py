@@ -33,12 +33,18 @@ INTEGRATED = (0, 2)
 def closed_loop(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, K: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A_cl, B_cl, F), the loop of the plant ẋ = A x + B u, y = C x with the gain K (2, 8).
+    """Return the matrices (A_cl, B_cl, F) of the closed loop of a linear plant and the controller.
 
-    The loop is continuous with exact rates. Its states z = (x, ξ_r, ξ_ψ) contain the integrals of
-    the roll and yaw errors; its input is y_ref (3,) rad: ż = A_cl z + B_cl y_ref, u = F z + K_p
-    y_ref. Shapes: A_cl (n+2, n+2), B_cl (n+2, 3), F (2, n+2); K_p is K[:, :3]. If C B ≠ 0, the rate
-    ẏ = C A x + C B u depends on u; the control law is then solved for u.
+    The plant is ẋ = A x + B u, y = C x with n states, two voltages u and three angles y. The
+    control law is u = K_p (y_ref − y) − K_d ẏ + K_i ξ. ξ (2,) are the integrals of the roll and yaw
+    errors, and K (2, 8) = [K_p K_d K_i]. Time is continuous; the rates ẏ are exact. The closed loop
+    with the states z = (x, ξ) is
+
+        ż = A_cl z + B_cl y_ref          A_cl (n+2, n+2), B_cl (n+2, 3)
+        u = F z + K_p y_ref              F (2, n+2)
+
+    The last equation holds for C B = 0. If C B ≠ 0, the rate ẏ = C A x + C B u depends on u. Then
+    the function solves the control law for u.
     """
     n = A.shape[0]
     Kp, Kd, Ki = K[:, :3], K[:, 3:6], K[:, 6:]
@@ -55,9 +61,10 @@ def closed_loop(
 
 
 def ideal_loop_poles(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
-    """Return the poles (rad/s, rightmost first) of the continuous loop with exact angular rates.
+    """Return the poles (rad/s, rightmost first) of the continuous-time loop with exact rates.
 
-    The loop is ``model``, converted to continuous time, under the gain of ``controller``.
+    ``model`` is converted to continuous time. The feedback has the gains of ``controller``, and the
+    rates are the true derivatives of the angles.
     """
     c = continuous(model)
     C = np.where(model.modelled[:, None], c.C, 0.0)
@@ -67,11 +74,12 @@ def ideal_loop_poles(model: LinearModel, controller: ControllerSpec) -> np.ndarr
 
 
 def sampled_loop_poles(model: LinearModel, controller: ControllerSpec, dt: float) -> np.ndarray:
-    """Return the poles (rad/s, rightmost first) of the loop sampled every dt s, as s = log(z)/dt.
+    """Return the poles (rad/s, rightmost first) of the closed loop with the sampling period ``dt``.
 
-    The loop is ``model`` under the gain of ``controller``, with its derivative filters. Its states
-    are those of the model, two per derivative filter and one per integral. A pole at z = 0 (a pure
-    delay) has no finite s and is omitted.
+    ``dt`` is in s. Each pole z in discrete time is converted to log(z)/dt. A pole at z = 0 (a pure
+    delay) has no finite equivalent and is omitted. The loop consists of ``model``, sampled every
+    ``dt`` s, and of ``controller`` with its derivative filters and integrals. So the states of the
+    loop are those of the model, two per derivative filter and one per integral.
     """
     model = model.at(dt)
     axes = [i for i in range(3) if model.modelled[i]]

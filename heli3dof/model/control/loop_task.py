@@ -28,12 +28,16 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """Return the task (the input of a closed-loop simulation) that replays a recorded flight.
 
-    The task has the recorded references, extra voltages, start angles and controller. A linear
-    controller identified from the log computes the voltages from the angles and earlier voltages,
-    plus an input w. For such a controller, the task's extra voltages are w. The task has a row for
-    each of the profile's control periods. A lost sample gets the references and extra voltages of
-    the row before. The recording must hold closed-loop rows only (`under_control`). Raises
-    ValueError if `why_not_replayed` gives a reason.
+    The task has a row for each of the profile's control periods. Each row has references and extra
+    voltages, which are added to the controller's. They are the recorded ones. In a period whose
+    sample was lost, those of the previous sample are used. The task also has the controller and the
+    angles at the start.
+
+    If the controller was identified from the log, it is a linear difference equation for the
+    voltages, with an input w (V). Then w, computed from the log, replaces the extra voltages.
+
+    The recording must contain only rows in closed loop (`under_control`). Raises ValueError if the
+    flight cannot be replayed (`why_not_replayed`).
     """
     if reason := why_not_replayed(recording):
         raise ValueError(reason)

@@ -6,8 +6,9 @@ the control period. An identified controller is linear, of order n (`recording.l
 
     v[k] = clip(Σ_{j=1…n} A_j v[k−j] + Σ_{j=0…n} B_j y[k−j] + w[k], ±v_max)
 
-v are the motor voltages (V), y the angles (rad). The input w (V) takes the place of the extra
-voltage. For this controller, p[0] is negative:
+v are the motor voltages (V), y the angles (rad). The input w (V) contains the effect of references
+and excitation on the voltages. It is passed in the argument ``extra``, which for the profile's
+controller is the excitation alone. For an identified controller, p[0] is negative:
 
     p = [−n, v_max, A_1 … A_n, B_0 … B_n]        s = [v[k−1] … v[k−n], y[k−1] … y[k−n]]
 """
@@ -81,9 +82,11 @@ _profile_law = compiled(control_law, leaf=True)
 
 @partial(compiled, leaf=True)
 def simulated_law(p, s, angle, reference, extra, out):  # type: ignore[no-untyped-def]
-    """Compute one control period of either controller; arguments as in `control_law`.
+    """Compute one control period of the profile's controller or of one identified from a log.
 
-    A linear controller ignores ``reference``.
+    p[0] is negative for an identified controller. This linear controller ignores ``reference``,
+    because its input w, which is passed as ``extra``, contains the effect of the references. The
+    arguments are those of `heli3dof.model.control.controller.control_law`.
     """
     if p[0] < 0.0:
         _linear_law(p, s, angle, extra, out)

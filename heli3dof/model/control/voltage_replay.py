@@ -165,7 +165,11 @@ def is_late(recording: Recording) -> bool:
 
 
 def _voltage(r: Recording) -> np.ndarray:
-    """Return the voltages (N, 2) V, after the limiter, of the profile's controller for ``r``."""
+    """Return the voltages (N, 2) in V that the profile's controller computes for a recording.
+
+    The inputs of the controller are the recorded angles, references and extra voltages of ``r``.
+    The result is after the limiter.
+    """
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)

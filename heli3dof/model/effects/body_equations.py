@@ -58,15 +58,16 @@ def rigid_body(s: Any, par: Any, mem: Any, out: Any) -> None:
 def uncoupled(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Simplified equations, without the axes' inertia couplings: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
 
-    In the complete rigid body, with the accelerations q̈_rigid, the inertia of the bar with the
-    motors couples the axes (`heli3dof.model.physics.rigid_body`). Equations of such rigs are often
-    written for each axis alone, without these couplings; q̈_alone are their accelerations. The
-    largest omitted torque is −J_p sin r ψ̈ on pitch, up to 0.01 N·m, with roll r, yaw ψ and the
-    pitch inertia J_p. κ = 0 keeps all couplings, κ = 1 omits them.
+    q̈_rigid are the angular accelerations of the complete rigid body. There, the inertia of the bar
+    that carries the motors couples the axes (`heli3dof.model.physics.rigid_body`). q̈_alone are the
+    accelerations from one equation per axis, without these couplings. Such simpler equations are
+    common in the literature. The parameter κ of this effect is 0 if all couplings are kept, 1 if
+    they are omitted. The largest omitted torque is −J_p sin r ψ̈ on pitch, up to 0.01 N·m. J_p is
+    the pitch inertia, r the roll angle, ψ the yaw angle.
 
     A real rig has the couplings; a simulated rig may lack them. This choice of equations is no
-    defect, so a diagnosis may use κ but does not report it as a finding. In a model with this
-    effect, κ has the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
+    defect. So a diagnosis may estimate κ, but does not report it as a finding. The prior of κ is
+    N(1, 0.2²) (`heli3dof.model.effects.base.share`).
     """
     out[UNCOUPLED] = par[A]
 
@@ -74,41 +75,42 @@ def uncoupled(s: Any, par: Any, mem: Any, out: Any) -> None:
 def without_rate_products(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Equations without products of rates: no centrifugal and Coriolis torques.
 
-    These equations omit the torques
+    The effect multiplies the following torques by 1 − μ:
 
         −J_r sin r cos r ψ̇²                     on roll r
         J_p sin p cos p (ṙ² − cos² r ψ̇²)        on pitch p
         2 (J_ψ − J_p) sin r cos r ṙ ψ̇           on yaw ψ
 
-    J are the axes' inertias (`heli3dof.model.physics.rigid_body`). μ = 0 keeps these torques, μ = 1
-    omits them. This effect is for models with the effect ``simplified.couplings``. A diagnosis does
-    not report it as a finding.
+    The effect's parameter μ is 0 if the torques are kept, 1 if they are omitted. J_r, J_p, J_ψ are
+    the inertias about the three axes (`heli3dof.model.physics.rigid_body`). This effect is for
+    models with the effect ``simplified.couplings``. A diagnosis does not report it as a finding.
     """
     out[WITHOUT_RATE_PRODUCTS] = par[A]
 
 
 def with_side_thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """Simplified equations that keep the yaw torque L_h D sin r of tilted thrusts.
+    """Yaw torque η L_h D sin r of the thrusts on a tilted rig, added to simplified equations.
 
-    D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
-    body's axis to a motor; r and p are roll and pitch. In the complete rigid body, the inertia
-    coupling J_p sin r p̈ cancels most of this torque, because the pitch acceleration p̈ is nearly
-    proportional to D (see `physics.rigid_body`). Simplified equations without this coupling omit
-    the torque (η = 0) or keep all of it (η = 1). This effect is for models with the effect
+    D = F_f − F_b (N) is the difference of front and back thrust, r the roll angle. L_h (m) is the
+    distance from the body's axis to a motor. In the complete rigid body, the inertia coupling
+    J_p sin r p̈ cancels most of this torque, because the pitch acceleration p̈ is nearly proportional
+    to D (`heli3dof.model.physics.rigid_body`); J_p is the pitch inertia. Simplified equations have
+    no such coupling. They either omit the torque or contain all of it. The effect's parameter η is
+    0 if the torque is omitted, 1 if all of it is kept. This effect is for models with the effect
     ``simplified.couplings``. A diagnosis does not report it as a finding.
     """
     out[SIDE_THRUST] = par[A]
 
 
 def constant_yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈, ψ the yaw.
+    """Equations in which the yaw inertia is constant: J_ψ instead of J_ψ(r), with roll angle r.
 
-    With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has J_ψ(r) =
-    (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. Its change with
-    roll causes the torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The
-    effect's parameter ν scales what is omitted: 0 keeps J_ψ(r) and this torque, 1 omits both. A
-    diagnosis does not report this choice of equations as
-    a finding.
+    J_ψ and J_p are the yaw and pitch inertias of the level rig. At the roll angle r, the yaw
+    inertia of the rigid body is J_ψ(r) = (J_ψ − J_p) cos² r + J_p. At r = 15° it is 7 % below J_ψ.
+    Its change with roll causes the yaw torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇, where ψ is yaw
+    (`heli3dof.model.physics.rigid_body`). The effect's parameter ν is 0 if J_ψ(r) and this torque
+    are kept. It is 1 if J_ψ replaces J_ψ(r) and the torque is omitted. A diagnosis does not report
+    this choice of equations as a finding.
     """
     out[CONSTANT_YAW_INERTIA] = par[A]
 

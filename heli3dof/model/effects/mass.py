@@ -43,10 +43,10 @@ PUT_DOWN_S = 0.1
 def mass_change(s: Any, par: Any, mem: Any, out: Any) -> None:
     """A mass m (kg) is added to the body during the flight, L_a (m) from the yaw axis.
 
-    After the time t_m (s), a parameter, the torque on roll r is −m g L_a cos r, with gravity g. The
-    torque grows over 0.1 s centred at t_m, because a step has no derivative with respect to t_m.
-    The inertia m L_a² on roll and yaw is neglected: a few per cent of the weight's effect in slow
-    flight.
+    The effect's parameters are m and the time t_m (s) of the change. After t_m, the mass causes the
+    torque −m g L_a cos r at the roll angle r, with gravity g. The torque grows over 0.1 s centred
+    at t_m, because a step has no derivative with respect to t_m. The inertia m L_a² about the roll
+    and yaw axes is neglected. In slow flight, its torque is a few per cent of the weight's torque.
     """
     on = 0.5 + (s[T] - par[B]) / PUT_DOWN_S
     if on > 0.0:

@@ -1,4 +1,4 @@
-"""Effects from the commanded voltage to the thrust."""
+"""Effects that change how the thrust of a rotor depends on the commanded voltage of its motor."""
 
 from __future__ import annotations
 
@@ -51,11 +51,13 @@ def rotor_curve(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Thrust grows as a power of the rotor's speed: F = K_f V_o (Ω/V_o)^n.
 
     F is the thrust (N), K_f the thrust per volt, V_o the hover voltage. Ω is the rotor's speed,
-    expressed as the voltage (V) that causes it in steady state. `motor.thrust_curve` acts on the
-    voltage *before* the rotor's lag, this effect on the speed after the lag. A reversed propeller
-    gives almost no thrust; the model gives none. At the profile's V_o the thrust is K_f V_o for
-    every n. Without a lag, `motor.thrust_curve` with a dead zone is so similar that a one-minute
-    flight does not distinguish the two effects.
+    expressed as the voltage (V) that causes it in steady state. At Ω = V_o the thrust is K_f V_o
+    for every exponent n. A reversed propeller gives almost no thrust; the model gives none.
+
+    The effect `motor.thrust_curve` describes another nonlinear thrust. It acts on the voltage
+    *before* the rotor's lag, this effect on the speed after the lag. If the rotor has no lag, this
+    effect and `motor.thrust_curve` with a dead zone give almost the same thrust. A flight of one
+    minute does not distinguish them.
     """
     hover = s[K_F] * abs(s[V_O])
     for i in range(2):

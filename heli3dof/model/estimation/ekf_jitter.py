@@ -254,8 +254,9 @@ def filter_jittered(
     """Return the states and log-likelihood of ``data`` by the Kalman filter for sampling jitter.
 
     ``values`` (n,) are the parameters of ``structure``, ``noise`` (4,) is process noise on roll,
-    pitch, yaw (rad/s²/√Hz) and jitter (s). ``varying``: name → prior standard deviation of the B
-    parameters that the filter re-estimates in each run (interval of usable rows).
+    pitch, yaw (rad/s²/√Hz) and jitter (s). The filter can also estimate parameters that differ
+    between recordings. ``varying`` contains their names, each with its prior standard deviation.
+    These estimates start again in each run (interval of usable rows).
     """
     varying = varying or {}
     X = np.full((len(data.t), 6 + len(varying)), np.nan)
@@ -270,10 +271,12 @@ def filter_jittered(
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """Return the positions of the parameters ``names`` in the argument ``par`` of filters.
+    """Return where the values of the parameters ``names`` are stored in the array ``par``.
 
-    Each row of the result (W, 3) int64 is a position: row and column of ``par``, index in
-    ``names``. A parameter has one position for each function of its effect.
+    ``par``, an argument of the compiled filters, has one row for each function of the effects. An
+    effect with several functions has its parameters in several rows. The result (W, 3) int64 has a
+    row for each stored value: the row of ``par``, the column of ``par``, the parameter's index in
+    ``names``.
     """
     out = []
     at = 4

@@ -43,10 +43,12 @@ class Valued(Protocol):
 
 @dataclass(frozen=True)
 class LevelHover:
-    """Level hover of a grey-box model: motor voltage, its standard deviation, thrust per volt.
+    """The motor voltage at which a grey-box model hovers level, and its thrust per volt there.
 
-    The voltage V_h is the mean of both motors, and F_h their mean thrust. With nonlinear thrust,
-    F_h/V_h differs from K_f. A profile with V_o = V_h and K_f = F_h/V_h hovers at V_h, too.
+    V_h (V) is the mean voltage of the two motors, and F_h (N) their mean thrust. In a rig's
+    profile, the thrust is K_f times the voltage. If the model's thrust is nonlinear, F_h/V_h
+    differs from the profile's K_f. A profile with the hover voltage V_o = V_h and the thrust gain
+    K_f = F_h/V_h has the same voltage and thrust in level hover as the model.
     """
 
     voltage_V: float
@@ -165,7 +167,11 @@ def hover_voltage(model: Valued, roll_deg: float = 0.0) -> float:
 
 
 def equilibrium_deg(model: Valued, voltage_V: float) -> float:
-    """Return the equilibrium roll (°) at this voltage on both motors; the table is ignored."""
+    """Return the roll angle (°) of the equilibrium with ``voltage_V`` on both motors, at pitch 0.
+
+    The model omits the table on which the rig rests before take-off, so the result may lie below
+    it. The search covers −60° to 60° in steps of 0.1°.
+    """
 
     def voltage_or_nan(roll_deg: float) -> float:
         try:

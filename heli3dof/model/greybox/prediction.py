@@ -246,7 +246,10 @@ def errors(
     ahead: np.ndarray,
     varying: tuple[str, ...] = (),
 ) -> np.ndarray:
-    """Return the prediction errors (S, M, 3) rad: reading minus `predictions`."""
+    """Return the prediction errors (S, M, 3) in rad: recorded minus predicted encoder readings.
+
+    The predictions start from S rows and have M horizons. `predictions` explains the arguments.
+    """
     predicted = predictions(structure, values, flight, states, ahead, varying)
     return np.asarray(flight.y[np.add.outer(flight.starts, ahead)] - predicted)
 

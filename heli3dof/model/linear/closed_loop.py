@@ -2,12 +2,13 @@
 
 In control period k, with the trim u0 (V), y0 (rad) and the model's state x::
 
-    y[k] = C x[k] + y0                 (rounded to encoder steps if given)
+    y[k] = C x[k] + y0
     v[k] = clip(law(y[k], ref[k], extra[k]), ±v_max)
     x[k+1] = A x[k] + B (v[k] − u0)
 
-ref are the reference angles, extra (V) voltages added to the controller's. The law is
-`heli3dof.model.control.simulated_controller.simulated_law`.
+y (rad) are the angles, ref their references. extra (V) are voltages that the experiment adds to the
+controller's. The control law is `heli3dof.model.control.simulated_controller.simulated_law`. If the
+simulated rig has encoders with finite steps, the law gets y[k] rounded to these steps.
 """
 
 from __future__ import annotations

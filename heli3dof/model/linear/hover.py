@@ -21,9 +21,11 @@ J_roll, J_pitch, J_yaw kg·m²              moments of inertia, the denominators
 =====================  =================  =======================================================
 
 ``printed=True`` gives (10) and (11) as the paper prints them, with its errata: A[6,2] with a plus
-sign (E3), and B[5,·] divided by L_h once too often (E4). Corrected, A[6,2] is −2 L_a K_f V_o /
-J_yaw with the *profile's* V_o, because pitch turns the thrust of hover towards yaw (E2). The paper
-assumes equal motors and writes 2 m_f; the corrected model has m_f + m_b.
+sign (E3), and B[5,·] divided by L_h once too often (E4). In the corrected model, A[6,2] is
+−2 L_a K_f V_o / J_yaw: at a pitch angle p, the hover thrust 2 K_f V_o has a horizontal component,
+which accelerates yaw. V_o is the hover voltage in the profile. The paper computes V_o from the
+masses by (6), but the result can have the wrong sign (E2). The paper assumes equal motors and
+writes 2 m_f; the corrected model has m_f + m_b.
 """
 
 from __future__ import annotations

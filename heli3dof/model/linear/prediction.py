@@ -22,8 +22,10 @@ limit is used. The noise that this Kalman gain assumes depends on the model:
 * any other model with K = 0 (output error): the same encoder noise. Process noise makes the free
   response drift by `DRIFT` rad/√s, independently of the state coordinates.
 
-The filter ignores an axis without readings and skips a lost reading. Lost rows are filled in gaps
-of up to `heli3dof.model.estimation.filter_data.LOST` periods.
+The filter ignores an axis that was never measured. If one angle is missing at a sample, the filter
+predicts the state without a correction by this angle. Lost samples in a gap of at most
+`heli3dof.model.estimation.filter_data.LOST` periods become rows without angles. The voltage in
+these rows is that before the gap.
 """
 
 from __future__ import annotations

@@ -74,10 +74,16 @@ def soft_threshold(m: float, sd: float, b: float) -> tuple[float, float, float]:
 def apply_dry_friction(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Apply dry friction to x after a step of h s; return True if any joint has friction.
 
-    x (6,): angles and rates, changed in place. w (≥ 8, 3) is work space. At the call, its row 3
-    contains the standard deviations of the rates. On return, row 2 contains ρ, row 3 Var S for the
-    joints with friction (see `soft_threshold`), and row 4 + i contains W_ji/W_ii for all joints j,
-    with the inverse mass matrix W. Other arguments: see `heli3dof.model.physics.integrator`.
+    x (6,): angles and rates, changed in place. w (≥ 8, 3) is work space; its columns belong to the
+    joints (roll, pitch, yaw). Before the call, row 3 of w contains the standard deviations of the
+    rates before friction. If the function returns True, the rows of w contain
+
+    - row 2: the mean slope ρ of the rate after friction with respect to the rate before it
+      (`soft_threshold`), which is 1 for joints without friction
+    - row 3: the variance of the rate after friction; unchanged for joints without friction
+    - row 4 + i, for i = 0, 1, 2: W_ji/W_ii in column j, with the inverse mass matrix W
+
+    `heli3dof.model.physics.integrator` explains the other arguments.
     """
     if first[DRY + 1] == first[DRY]:
         return False

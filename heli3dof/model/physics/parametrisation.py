@@ -85,7 +85,7 @@ class Hooks:
         return np.array([*map(address, self.functions), 0], dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields for pickle, without the addresses, which differ between processes."""
+        """Return the fields to pickle, without the addresses, which hold in one process only."""
         return {k: v for k, v in self.__dict__.items() if k != "address"}
 
 

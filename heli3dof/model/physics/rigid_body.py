@@ -220,8 +220,10 @@ def accelerations(s, first, address, par, mem, free, force, torque, a):  # type:
 def advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance angles and rates x (6,) by h s with the thrusts F0, Fm, F1 (2,) N.
 
-    F0, Fm, F1 are the exact thrusts at start, middle and end. Method: Runge–Kutta–Nyström with
-    Simpson's weights; the thrusts cause an error of order h⁵. w (≥ 5, 3) is work space.
+    F0, Fm, F1 are the thrusts at the start, the middle and the end of the step. The Runge–Kutta–
+    Nyström method integrates the accelerations at these three times with Simpson's weights. Other
+    values of the thrusts are not used, which causes an error of order h⁵. w (≥ 5, 3) is work space.
+    `heli3dof.model.physics.integrator` explains the other arguments.
     """
     force, torque, a0, am, a1 = w[0], w[1], w[2], w[3], w[4]
     for i in range(6):

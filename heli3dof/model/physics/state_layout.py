@@ -96,7 +96,11 @@ class Stage(enum.IntEnum):
 
 
 def context(profile: Profile) -> np.ndarray:
-    """Return the context array s of the profile's rig at rest, without effects."""
+    """Return the simulation's array s for the profile's rig at rest, without effects.
+
+    s (`SIZE`,) contains the parameters of the rig and the state of the simulation. The constants of
+    this module (`L_A`, `K_F`, …) are its indices.
+    """
     p = profile
     s = np.zeros(SIZE)
     s[L_A], s[L_H], s[L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
