@@ -33,10 +33,10 @@ SHARE_MIN = 0.005
 class Feedback:
     """The result of a feedback test: χ² statistic, p-value, and whether feedback is ``present``.
 
-    Feedback means that the voltages respond to the angles. ``share`` (0 to 1) measures how much: it
-    is the part of the voltages' variance that innovations of the angles explain. First, the part of
-    the voltages that their own past predicts is removed. ``sentence`` states the result for the
-    report.
+    Feedback means that the voltages respond to the angles. Let e be the errors of one-step
+    predictions of the angles from earlier angles and voltages. Let w be the errors of one-step
+    predictions of the voltages from earlier voltages. ``share`` (0 to 1) is the part of the
+    variance of w that e explains. ``sentence`` states the result for the report.
     """
 
     statistic: float

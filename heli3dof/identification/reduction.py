@@ -291,10 +291,10 @@ def _with_roots_at_origin(factors: tuple[Factor, ...]) -> Iterator[tuple[Factor,
     coefficients of a factor are within `SIGMAS` standard deviations of 0, there is a variant with s
     or s² instead of this factor.
 
-    The same test is applied to the product of any two factors s + a (`_product`). If it passes,
-    there is a variant with s² instead of both. The test of the single factors would miss this case:
-    if their product is s² + k with k near 0, their roots are ±√−k. The delta method gives no valid
-    standard deviation of √−k there.
+    The product s² + b s + c of any two factors s + a is tested, too (`_product`). If b and c are
+    within `SIGMAS` standard deviations of 0, there is a variant with s² instead of both factors.
+    The reason is a product s² + k with k near 0. Its roots are ±√−k, for which the delta method
+    gives no valid standard deviation. So a test of the single factors would not be valid.
     """
     zero = Factor((0.0,), (0.0,))
     real = [i for i, f in enumerate(factors) if len(f.std) == 1 and any(f.coefficients)]

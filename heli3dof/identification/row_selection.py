@@ -20,10 +20,9 @@ stays longer,
 
     v T > `HIT` q
 
-This test misses impacts in which the arm leaves the stop sooner. But they also harm a fit, because
-a filter whose model has no stops treats them as process noise. All rows with the arm at the same
-stop have the same encoder count. So if the test finds a row at a stop, all rows of the flight with
-the same count of this encoder are left out.
+This test misses impacts in which the arm leaves the stop sooner. They also harm a fit, because the
+Kalman filter's model has no stops, so the filter treats an impact as process noise. So if the test
+finds a row at a stop, all rows of the flight with the same count of this encoder are left out.
 
 Rows in flight with a voltage at its limit are kept, because the recorded voltage is that at the
 motor. Their share is reported.

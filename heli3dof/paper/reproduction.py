@@ -34,9 +34,9 @@ class Reproduced:
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the number's entry in the output of ``compare --json``.
+        """Return the entry of this number of the paper in the output of ``compare --json``.
 
-        If the number was not simulated (``ours_deg`` is NaN), ``ours_deg`` is None in the entry.
+        ``ours_deg`` is None in the entry if there is no simulated number (NaN).
         """
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}

@@ -43,8 +43,9 @@ grid of values sets them instead. Each with the step of its finite difference, i
 class Evaluation:
     """Derivatives of the log-likelihood ℓ with respect to n scaled parameters θ and the noise.
 
-    They are the fields g, H, slope and curvature. These are computed from the fields at, path and
-    T: large arrays from the filter's run over E encoder readings.
+    The fields g (score) and H (information) belong to θ, slope and curvature to the noise. The
+    other three fields contain large arrays from the filter's run over E encoder readings. The
+    derivatives are computed from them.
     """
 
     g: np.ndarray

@@ -100,11 +100,11 @@ class Frequencies:
         """Return the largest score of a sinusoidal torque over all frequencies (`Peak`).
 
         The result also contains the amplitude (N·m), the frequency (Hz) and the phase (rad) of the
-        torque with this score. Time is divided into C short intervals. ``L`` (C, 3) are the
-        derivatives of the log-likelihood with respect to the acceleration of each axis in each
-        interval. They exclude the part that changes of the fitted parameters explain. ``unit``
-        (C, 3) are the accelerations (rad/s²) by a constant torque of 1 N·m. ``information`` is the
-        result of the method `information`.
+        torque with this score, and the recordings' time shifts. Time is divided into C short
+        intervals. ``L`` (C, 3) are the derivatives of the log-likelihood with respect to the
+        acceleration of each axis in each interval. They exclude the part that changes of the fitted
+        parameters explain. ``unit`` (C, 3) are the accelerations (rad/s²) by a constant torque of
+        1 N·m. ``information`` is the result of the method `information`.
         """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source

@@ -1,7 +1,7 @@
 """Stabilise an identified state-space model.
 
-Either the gain K is replaced, so that the one-step predictor with the state matrix A − K C is
-stable. Or unstable poles of A are moved, so that the model itself is stable.
+`with_stable_predictor` replaces the gain K, so that the one-step predictor is stable. The state
+matrix of this predictor is A − K C. `stable_plant` moves unstable poles of A and sets K to zero.
 """
 
 from __future__ import annotations

@@ -145,8 +145,9 @@ def estimate(
 
     Without ``start``, the search starts at the prior mean. Some effects, such as an added mass,
     begin during a recording. The time of this change is a parameter, for which the prior mean is
-    no good initial value. A score test for each possible time determines it instead
-    (`bias_correction.scans`): the initial value is the time with the largest test statistic.
+    no good initial value. So the model is first fitted without such an effect. A score test then
+    evaluates many possible times (`bias_correction.scans`). The initial value is the time with the
+    largest test statistic.
     """
     if start is None:
         start, noise = _start_at_instants(problem, noise)

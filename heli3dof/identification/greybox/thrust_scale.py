@@ -60,9 +60,9 @@ class ThrustScale:
     std: float
 
     def to_si(self, value: float, std: float, unit: str) -> tuple[float, float]:
-        """Return an estimate and its standard deviation, corrected for the thrust gain's error.
+        """Return an estimate in SI and its standard deviation, corrected by the factor k.
 
-        A fit assumes the thrust gain in the profile. The true gain is k times this gain, so the
+        A fit assumes the thrust gain in the profile. The rig's gain is k times this gain, so its
         true torques, masses and inertias are k times their estimates. The returned standard
         deviation includes the uncertainty of k. If the ``unit`` contains neither N·m nor kg, the
         estimate does not depend on the thrust gain. Then ``value`` and ``std`` are returned

@@ -36,9 +36,9 @@ def closed_loop(
     """Return the matrices (A_cl, B_cl, F) of the closed loop of a linear plant and the controller.
 
     The plant is ẋ = A x + B u, y = C x with n states, two voltages u and three angles y. The
-    control law is u = K_p (y_ref − y) − K_d ẏ + K_i ξ. ξ (2,) are the integrals of the roll and yaw
-    errors, and K (2, 8) = [K_p K_d K_i]. Time is continuous; the rates ẏ are exact. The closed loop
-    with the states z = (x, ξ) is
+    control law is u = K_p (y_ref − y) − K_d ẏ + K_i ξ in continuous time, with the true derivative
+    ẏ. ξ (2,) are the integrals of the roll and yaw errors. K (2, 8) contains the gains K_p (2, 3),
+    K_d (2, 3), K_i (2, 2) side by side. The closed loop with the states z = (x, ξ) is
 
         ż = A_cl z + B_cl y_ref          A_cl (n+2, n+2), B_cl (n+2, 3)
         u = F z + K_p y_ref              F (2, n+2)

@@ -28,10 +28,10 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """Return the task (the input of a closed-loop simulation) that replays a recorded flight.
 
-    The task has a row for each of the profile's control periods. Each row has references and extra
-    voltages, which are added to the controller's. They are the recorded ones. In a period whose
-    sample was lost, those of the previous sample are used. The task also has the controller and the
-    angles at the start.
+    The task has a row for each of the profile's control periods. A row contains the recorded
+    references, and the recorded extra voltages, which the experiment added to the controller's. In
+    a period without a sample, both are repeated from the previous row. The task also contains the
+    controller and the recorded angles at the start.
 
     If the controller was identified from the log, it is a linear difference equation for the
     voltages, with an input w (V). Then w, computed from the log, replaces the extra voltages.
