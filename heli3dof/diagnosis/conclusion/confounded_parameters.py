@@ -96,7 +96,7 @@ from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust
 from heli3dof.model.effects import term
 
 MAX_ALTERNATIVES = 6
-"""Most candidates fitted in full as alternatives to a wrong inertia. Chosen; not derived."""
+"""Largest number of effects that are fitted as alternatives to wrong inertias. Chosen."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 ENCODER_SCALE = "encoder.scale"

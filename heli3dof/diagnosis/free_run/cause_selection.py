@@ -188,8 +188,9 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
     """Yield the terms, other than ``causes``, that the recordings do not determine.
 
-    For each parameter of such a term, the recordings give less information than the prior does.
-    Parameters with a separate value for each recording are ignored.
+    For each parameter of such a term, the standard deviation of the estimate is hardly below that
+    of the prior (`MultiStepFit.mostly_prior`). Parameters with a separate value for each recording
+    are ignored.
     """
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
