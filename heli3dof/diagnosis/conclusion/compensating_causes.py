@@ -23,12 +23,12 @@ replaces the causes if
 alone is not enough:
 
 - If the controller is known, some flights are simulated from the model with the causes, and others
-  from the model with the formula. Let Δ = ℓ_φ − ℓ_s, computed for each flight and for the
-  recordings. The causes are refuted if Δ of the recordings deviates significantly from Δ of the
-  flights with the causes, in the direction of Δ of the flights with the formula
+  from the model with the formula. Δ = ℓ_φ − ℓ_s is computed for each flight and for the recordings.
+  Its mean is Δ_s over the flights with the causes, and Δ_φ over those with the formula. The causes
+  are refuted if Δ of the recordings differs significantly from Δ_s, in the direction of Δ_φ
   (`search.rivals.is_refuted`). Only then does the formula replace the causes. Δ of the recordings
-  may also deviate from Δ of the flights with the formula. The formula is then only a part of the
-  true torque, and the search continues.
+  may also differ significantly from Δ_φ. The formula is then only a part of the true torque, and
+  the search continues.
 - If the controller is unknown, a formula in place of a single cause must improve held-out
   predictions. The RMSE on its axis must decrease significantly, by more than the encoder's rounding
   (`conclusion.unknown_controller`). A formula in place of several causes needs no confirmation.

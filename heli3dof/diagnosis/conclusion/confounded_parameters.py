@@ -201,9 +201,9 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
 
     - Its smallest size α_1 s_i is plausible: at most `LARGE` typical sizes, with a sign that a rig
       can have.
-    - The score-test statistic Z_i of the recordings lies between the values of Z that are expected
-      for α_1 and α_2, or is outside by at most `SIGMAS_997`. |α_2 s_i| counts as `LARGE` typical
-      sizes if it is larger.
+    - The sizes α_1 s_i and α_2 s_i give two expected values of the score-test statistic Z_i. Z_i of
+      the recordings lies between them, or is outside by less than `SIGMAS_997`. A size α_2 s_i
+      above `LARGE` typical sizes is replaced by this limit.
     """
     screen, Z = step.screen, step.Z
 
