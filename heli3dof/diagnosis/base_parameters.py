@@ -70,9 +70,10 @@ class BaseParameter(Measured):
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def excess(self, tolerance: float) -> float:
-        """Return by how much |x| exceeds its limit |e|; negative within the ``tolerance`` ε.
+        """Return |x| − |e|: positive if the estimate X deviates by more than the tolerance ε.
 
-        x is ln(X/X_nominal); e is ln(1 + ε), or ln(1 − ε) if x < 0.
+        x = ln(X/X_nominal) is the deviation from nominal, and e is its limit: ln(1 + ε) for x > 0,
+        else ln(1 − ε). ``tolerance``: ε, the profile's relative tolerance.
         """
         return abs(self.x) - abs(edge(self.x, tolerance))
 

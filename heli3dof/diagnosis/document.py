@@ -38,8 +38,9 @@ def diagnosis_document(
 ) -> dict[str, Any]:
     """Return the JSON document of a diagnosis; ``model_file``: path of the extended model.
 
-    ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
-    catalogue's recommendation for the first confounded cause. Besides the keys of
+    ``upcoming``: the recommended flight, from `planning.next_experiment.next_experiment`. By
+    default, the document recommends the plan that the effects' catalogue names for the first
+    confounded cause (`_catalogue_recommendation`). Besides the keys of
     `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
     adopted) and ``about`` (seed, null simulations, threshold, computing times).
     """
@@ -86,9 +87,12 @@ def diagnosis_document(
 
 
 def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
-    """Return a JSON object: prediction errors (RMSE) of one axis, each with its noise floor.
+    """Return a JSON object with the prediction errors of one axis, each with its noise floor.
 
-    They are errors of the simulation with the profile's parameter values, by prediction horizon.
+    A prediction is a simulation that starts from an estimated state of the recorded flight. The
+    model is the base simulation (usually the rigid body without effects) with the profile's
+    parameter values. The object contains the RMSE at each prediction horizon, and the time
+    intervals with the largest errors.
     """
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
@@ -153,8 +157,9 @@ def _profile(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]
 def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
 
-    A ratio is omitted if the fit gave an implausible estimate of its inertia. Such a fit is
-    repeated with a narrow prior on the inertias, which then determines the ratio.
+    The ratio of K_f to an inertia is omitted if the first fit estimated this inertia implausibly.
+    The fit is then repeated with a narrow prior on the inertias. So this prior, not the recordings,
+    would determine the ratio.
     """
     if f is None:
         return []

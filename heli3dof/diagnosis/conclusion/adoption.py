@@ -16,8 +16,8 @@ are wide.
 
 Even if a condition holds, a cause is dropped for any of these reasons:
 
-- It significantly increases the prediction error of an axis and decreases that of none, each by
-  more than the encoder's rounding.
+- It worsens the predictions: the RMSE of at least one axis increases, and the RMSE of no axis
+  decreases. Only significant changes that exceed the encoder's rounding count (`worsens`).
 - Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`search.nulls`). Z is
   the cause's standardised score in the score test. ρ is the factor by which coloured noise
   increases the variance of this score (`bias_correction.coloured_noise`).
@@ -26,11 +26,12 @@ Even if a condition holds, a cause is dropped for any of these reasons:
 If no flights could be simulated, there are two further reasons (`conclusion.unknown_controller`):
 
 - The cause acts on an axis whose inertia is implausible in the fit.
-- It decreases the prediction error of no axis with a plausible inertia by more than the encoder's
-  rounding. Backlash is exempt, because predictions hardly show it.
+- The cause does not improve the predictions of any axis with a plausible inertia: no RMSE decreases
+  by more than the encoder's rounding. Backlash is exempt, because predictions hardly show it.
 
-If the cause is a part of the rigid body's equations, the first of these two reasons does not apply.
-For the second one, a decrease of any axis' error then suffices.
+Some effects only select a form of the rigid body's equations (`Effect.of_base`). For such a cause
+the first reason does not apply. The second one then applies only if the predictions of no axis
+improve, whether its inertia is plausible or not.
 
 Causes are dropped one at a time: first those that coloured noise or an encoder error explains, then
 the one with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed again.
@@ -116,12 +117,13 @@ class AdoptionResult:
         return tuple(t for t in self.residual_torques if t.term is not None)
 
     def with_causes_of(self, other: AdoptionResult) -> AdoptionResult:
-        """Return the causes of ``other`` with the residual torques of ``self``.
+        """Return ``other``, but with the residual torques and the slow noise of ``self``.
 
-        The dropped causes of ``self`` are added to those of ``other``, with two exceptions:
+        The result lists the causes that ``other`` dropped. It also lists each cause that ``self``
+        dropped, unless one of these holds:
 
-        - ``other`` has dropped the cause too.
-        - The cause was a candidate again when ``other`` selected its adopted causes.
+        - ``other`` dropped this cause too.
+        - This cause was among the candidates when the search found an adopted cause of ``other``.
         """
         decided = {c.term.name for choice in other.choices for c in choice.candidates}
         decided |= {d.name for d in other.dropped}

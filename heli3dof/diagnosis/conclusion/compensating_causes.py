@@ -22,19 +22,21 @@ replaces the causes if
 **Confirmation.** On a limit cycle, ℓ of a wrong model may be higher by hundreds. So the inequality
 alone is not enough:
 
-- If the controller is known, flights are simulated with the causes, and others with the formula.
-  The simulations must refute the causes (`search.rivals.is_refuted`). They do so if ℓ_φ − ℓ_s of
-  the recordings differs significantly from that of the flights with the causes, towards that of the
-  flights with the formula. The flights with the formula may refute the formula too. It is then only
-  a part of the true torque, and the search continues.
+- If the controller is known, some flights are simulated from the model with the causes, and others
+  from the model with the formula. Δ = ℓ_φ − ℓ_s is computed for each flight and for the recordings.
+  Its mean is Δ_s over the flights with the causes, and Δ_φ over those with the formula. The causes
+  are refuted if Δ of the recordings differs significantly from Δ_s, in the direction of Δ_φ
+  (`search.rivals.is_refuted`). Only then does the formula replace the causes. Δ of the recordings
+  may also differ significantly from Δ_φ. The formula is then only a part of the true torque, and
+  the search continues.
 - If the controller is unknown, a formula in place of a single cause must improve held-out
   predictions. The RMSE on its axis must decrease significantly, by more than the encoder's rounding
   (`conclusion.unknown_controller`). A formula in place of several causes needs no confirmation.
 
 Replaced causes are removed from the model. The other causes are fitted again, and each is adopted
 or dropped (`conclusion.adoption`). Then the search for residual torques is repeated, until no
-formula replaces a cause. Of the causes that remain at the end, `marked_unconfirmed` marks some as
-unconfirmed ("…-like").
+formula replaces a cause. At the end, `marked_unconfirmed` marks the remaining causes whose size or
+gain is not significant. The report adds "-like" to their names.
 """
 
 from __future__ import annotations
@@ -83,11 +85,12 @@ from heli3dof.recording.recording import Recording
 def search_residual_torques(
     setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
 ) -> AdoptionResult:
-    """Search for residual torques, which ``start.fit`` lacks; drop causes that compensate for them.
+    """Search for residual torques: torques that the rig has, but the model of ``start.fit`` lacks.
 
-    The result contains the residual torques found, and those of ``start`` for which the model
-    already has a term. ``flights``: number of flights that each search simulates without residual
-    torque.
+    The function drops causes that only compensate for such a torque. The result contains the
+    residual torques that this search found. It keeps those that an earlier search found, if the
+    model of ``start`` already has a term for them. ``flights``: number of null simulations of each
+    search. A null simulation is a flight simulated from the fitted model, without residual torque.
     """
     if not start.fit.is_corrected:  # a cause that is now dropped may have prevented simulation
         start = _refitted_without(setup, start, (), holdout)
@@ -210,13 +213,13 @@ def replaced_by_formula(
     """Return the best replacement of causes by a torque formula, or None if the causes are better.
 
     A torque formula is a torque c φ on one axis, proportional to a product φ of measured
-    quantities. It may take the place of one of the ``causes``, of two, or of all. The evidence for
-    the formula (`Replacement.margin`) must exceed `TIE`. Then the largest margin is chosen among
-    those with confirmation:
+    quantities. It may take the place of one of the ``causes``, of two, or of all. The result is the
+    replacement with the most evidence for the formula (`Replacement.margin`), among those that meet
+    two conditions. First, the evidence exceeds `TIE`. Second, the replacement is confirmed:
 
-    - Controller known: simulated flights must refute the causes (`simulations_refute`).
-    - Controller unknown: a formula in place of a single cause must improve held-out predictions
-      (`predictions_agree`). A formula in place of several causes needs no confirmation.
+    - If the controller is known, simulated flights must refute the causes (`simulations_refute`).
+    - If the controller is unknown, a formula in place of a single cause must improve held-out
+      predictions (`predictions_agree`). A formula in place of several causes needs no confirmation.
 
     The held-out data are ``holdout`` or, if it is empty, blocks left out of the fit.
     """

@@ -10,30 +10,34 @@ ratio of thrust slope to inertia. So a curved thrust appears as a wrong inertia.
 The score test evaluates each effect i at a trial size. If the rig has this effect with α times the
 trial size, and the model lacks it, the fitted parameter θ_j of T_g or an inertia shifts by α b_ji.
 θ_j is a scaled parameter, and b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). The profile's
-tolerance sets a lower and an upper limit of θ_j. If θ_j is beyond them, effect i alone explains
-this as long as θ_j − α b_ji lies between the limits. At a limit θ_edge,
+tolerance sets a lower and an upper limit of θ_j. Suppose that the fitted θ_j is outside these
+limits. Effect i alone explains this deviation if θ_j − α b_ji lies between the limits. At a limit
+θ_edge,
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-Z is the score-test statistic that the size α is expected to have. So the two limits give a range of
+Z is the expected score-test statistic of an effect of this size. So the two limits give a range of
 α and a range of Z. v_i is the information of effect i. std_i is the standard deviation of its score
 in flights simulated without the effect. Effect i is confounded with parameter j if both hold:
 
 1. The smallest size α in its range is plausible: at most `LARGE` typical sizes, with a sign that a
    rig can have.
-2. The measured Z_i lies in the range of Z, widened by `SIGMAS_997` on either side.
+2. The statistic Z_i of the recordings lies in the range of Z, widened by `SIGMAS_997` on either
+   side.
 
 A wrong K_f changes the fitted T_g and inertias by the same factor (`greybox.thrust_scale`). For K_f
 the same two conditions apply, with another range of α: the corrected parameters θ_j − α b_ji must
 give a K_f within the tolerance.
 
 **Torques absorbed by an inertia.** In a short step flight, a slow torque has nearly the effect of a
-wrong inertia. If an inertia is significantly off nominal (`diagnosis.base_parameters`), effects
-with Z² > `SIGMAS_95`² are added to the model and fitted, one at a time, at most `MAX_ALTERNATIVES`.
-An effect is confounded with the inertias off nominal if both hold for its fit:
+wrong inertia. Suppose that some inertias differ significantly from nominal, by more than the
+profile's tolerance ε (`diagnosis.base_parameters`). Then the effects with Z² > `SIGMAS_95`² are
+added to the model and fitted, one at a time, the largest Z² first. At most `MAX_ALTERNATIVES`
+effects are fitted. An effect is confounded with these inertias if its fit meets both conditions:
 
-- Its BIC is worse than without the effect by less than `TIE` (`search.candidate_fits`).
-- All these inertias lie within the profile's tolerance ε: ln(1 − ε) ≤ ln(J/J_nominal) ≤ ln(1 + ε).
+- The BIC of the fit is better than that of the fit without the effect, or worse by less than `TIE`
+  (`search.candidate_fits`).
+- All these inertias are now within the tolerance: ln(1 − ε) ≤ ln(J/J_nominal) ≤ ln(1 + ε).
 
 **Encoder scales.** An encoder with the scale error k reads y = rest + k (q − rest) at the angle q.
 rest is the angle at which counts start. The readings are nearly those of a rig with a correct
@@ -92,7 +96,7 @@ from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust
 from heli3dof.model.effects import term
 
 MAX_ALTERNATIVES = 6
-"""Most candidates fitted in full as alternatives to a wrong inertia. Chosen; not derived."""
+"""Largest number of effects that are fitted as alternatives to wrong inertias. Chosen."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 ENCODER_SCALE = "encoder.scale"
@@ -165,13 +169,15 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int, size: float) -> list[tuple[float, float]]:
-        """Return the ranges of α in which α times the trial size of effect ``i`` explains K_f.
+        """Return at which sizes the effect ``i`` alone explains why the fitted K_f is off nominal.
 
-        If the rig has effect i, a fit without this effect has wrong parameters. The effect explains
-        a wrong K_f if the parameters without this error give a K_f within the profile's tolerance.
-        The result contains at most two ranges, one for α > 0 and one for α < 0. A range is a tuple
-        (α nearest to zero, α farthest from zero). ``size``: the trial size, in the unit of the
-        effect's first parameter.
+        Suppose that the rig has effect i with α times the trial size ``size`` of the score test. A
+        fit that lacks the effect then has biased parameters. Effect i explains the deviation of K_f
+        if subtracting this bias brings K_f within the profile's tolerance.
+
+        The result contains at most two ranges of α, one for α > 0 and one for α < 0. A range is a
+        tuple (α nearest to zero, α farthest from zero). ``size`` is in the unit of the effect's
+        first parameter.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(size)
@@ -184,16 +190,20 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the names of the effects that alone may explain a wrong base parameter.
+    """Return the names of the effects that alone may explain a base parameter off nominal.
 
-    The score test of ``step`` has evaluated each effect i at a trial size. ``ranges`` contains
-    tuples (i, α nearest to zero, α farthest from zero). With α in this range, α times the trial
-    size of effect i explains the wrong parameter. The effect is returned if both hold:
+    The base parameters are the thrust gain, the trim torque and the inertias. A fit that lacks an
+    effect of the rig has biased base parameters. ``ranges`` contains tuples (i, α_1, α_2) with
+    |α_1| ≤ |α_2|. Effect i explains the deviation of the base parameter if its size is α s_i, with
+    α between α_1 and α_2. s_i is the trial size at which the score test of ``step`` evaluated it.
 
-    - The α nearest to zero is plausible: at most `LARGE` typical sizes, with a sign that a rig can
-      have.
-    - The effect's score-test statistic Z lies between the two values of Z that are expected at the
-      ends of the range. Deviations by `SIGMAS_997` standard deviations are allowed.
+    The function returns the name of effect i if both hold:
+
+    - Its smallest size α_1 s_i is plausible: at most `LARGE` typical sizes, with a sign that a rig
+      can have.
+    - The sizes α_1 s_i and α_2 s_i give two expected values of the score-test statistic Z_i. Z_i of
+      the recordings lies between them, or is outside by less than `SIGMAS_997`. A size α_2 s_i
+      above `LARGE` typical sizes is replaced by this limit.
     """
     screen, Z = step.screen, step.Z
 
@@ -218,16 +228,17 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
 
 
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
-    """Return fits in which an added effect explains the data instead of wrong inertias.
+    """Return fits in which an added effect explains the data as well as wrong inertias do.
 
-    Wrong inertias are those that the fit without the effect finds off nominal, significantly and by
-    more than the profile's tolerance. Without wrong inertias the result is empty.
+    An inertia counts as wrong if the current fit ``s.fit`` estimates it significantly off nominal,
+    by more than the profile's tolerance. If no inertia is wrong, the result is empty.
 
-    The `MAX_ALTERNATIVES` identifiable effects with the largest Z² in the score test ``s`` are
-    fitted, if Z² > `SIGMAS_95`². A fit is returned if both hold:
+    Otherwise, each of the `MAX_ALTERNATIVES` identifiable effects with the largest Z² is added to
+    the model, and the model is refitted. Z² is the statistic of the score test ``s``; effects with
+    Z² ≤ `SIGMAS_95`² are not fitted. A refit is returned if both hold:
 
-    - Its BIC is worse than that of the fit without the effect by less than `TIE`.
-    - It estimates all these inertias within the profile's tolerance.
+    - Its BIC is better than that of the current fit, or worse by less than `TIE`.
+    - It estimates all wrong inertias within the profile's tolerance.
     """
     off = {o.term.name for o in off_nominal(s.fit) if o.term.effect.name == "inertia"}
     if not off:

@@ -1,6 +1,7 @@
-"""Mark doubtful findings: unconfirmed ("…-like"), or confounded in segments of the flight.
+"""Mark findings as unconfirmed, or as confounded with other causes in segments of the flight.
 
-The confidence in an unconfirmed finding is at most `MOST_CONFIDENCE`. Unconfirmed are:
+The report adds "-like" to the name of an unconfirmed finding, and its confidence is at most
+`MOST_CONFIDENCE`. These findings are unconfirmed:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion: the model's errors in that
    motion have the same period. f belongs to the motion if, on an axis, the spectral line at f
@@ -28,20 +29,22 @@ cause if both hold:
     of equal size: |θ_i − θ_j| ≤ `SIGMAS_997` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, this test is skipped.
-A periodic torque and an added mass are neither fitted nor tested here: only a scan finds their
-frequency or instant.
+Rule 3 does not apply to a periodic torque or a change of mass. The fits to single recordings omit
+both effects, because an ordinary fit cannot find their frequency or instant. The diagnosis finds it
+by a search over all frequencies or instants, which is not repeated for single recordings.
 
-**Segments** of the flight may disagree on which of two causes is likelier (Vuong's test, 1989).
-The causes a and b are not nested. Their fits have log-likelihoods ℓ_a, ℓ_b and scores S_a > S_b
-(`search.select`). The C cells are segments of `CELL_S` seconds. With d_c the difference of the
-log-likelihoods in cell c, the standard deviation of 2 (ℓ_a − ℓ_b) is
+**Segments.** Different segments of the flight may favour different causes (Vuong's test, 1989).
+The test compares the fits with cause a and with cause b; neither model contains the other. The fits
+have the log-likelihoods ℓ_a, ℓ_b and the scores S_a > S_b (`search.select`). The flight is divided
+into C segments of `CELL_S` seconds. d_c is the difference of the log-likelihoods in segment c. The
+standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
 
 The difference S_a − S_b is used in place of 2 (ℓ_a − ℓ_b), because the scores are corrected for
 bias and for the number of parameters. If S_a − S_b < `MIN_CLEARANCE` · s, cause a is confounded
-with b. Otherwise the confidence in a is at most Φ((S_a − S_b)/s). Causes compared by simulated
-flights (`search.rivals`) are not tested.
+with b. Otherwise the confidence in a is at most Φ((S_a − S_b)/s). This test is omitted if simulated
+flights decided the choice of cause a (`search.rivals`).
 """
 
 from __future__ import annotations
@@ -153,8 +156,9 @@ def line_share(t: np.ndarray, x: np.ndarray, frequency_Hz: float) -> float:
 def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[str]:
     """Return the terms that the recordings, each fitted alone, do not confirm.
 
-    The sizes of such a term differ between recordings, or none is significant (`confirmed`). Terms
-    with a scanned frequency or instant are not tested.
+    The sizes of such a term differ between recordings, or their mean is not significant
+    (`confirmed`). A periodic torque and a change of mass are not tested: a fit to one recording
+    cannot find their frequency or instant.
     """
     tested = [n for n in names if not term(n).effect.scan]
     if len(recordings) < 2 or not tested:
@@ -192,8 +196,9 @@ def are_of_equal_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
 def size(fit: Estimate, name: str) -> tuple[float, float]:
     """Return (θ − θ_0, σ): the size of a term in ``fit``, and its standard deviation.
 
-    θ is the estimate of the term's first parameter, θ_0 the value at which the term has no effect.
-    A parameter on a logarithmic scale cannot reach such a value; for it, θ_0 = 0.
+    θ ± σ is the estimate of the term's first parameter. Usually, θ_0 is the value at which the term
+    has no effect. A parameter that is fitted on a logarithmic scale has no such value. For it, the
+    function returns θ itself (θ_0 = 0).
     """
     j = first_parameters(fit.free)[name]
     f = fit.free[j]
@@ -221,13 +226,16 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return ``choice``, a chosen cause; Vuong's test adds confounded candidates to ``tied_with``.
+    """Compare a chosen cause with other candidates by Vuong's test; return the updated ``choice``.
 
     Vuong's test compares the log-likelihoods of two fits in segments of the flight. One fit
-    contains the cause, the other a candidate of the same selection step in its place. If the test
-    does not separate them, the candidate is added. Otherwise the confidence in the cause is limited
-    to the test's probability. The ``adopted`` causes are not tested, because the model contains
-    them.
+    contains the chosen cause. The other contains, in its place, a candidate of the same selection
+    step. The test gives the probability that the chosen cause is ranked correctly above the
+    candidate (`ranking_probability`). If this probability is too low, the function adds the
+    candidate to ``tied_with``. Otherwise it limits the confidence in the cause to this probability.
+
+    Candidates that are themselves among the ``adopted`` causes are not compared, because the final
+    model contains both.
     """
     best, *others = choice.candidates
     if best.term.effect.of_base:
@@ -274,9 +282,10 @@ def ranking_std(d: np.ndarray) -> float:
 
 
 def ranking_probability(difference: float, s: float) -> float:
-    """Return Φ(Δ/s): the probability that the cause with the higher score is the likelier one.
+    """Return Φ(Δ/s): the probability that two causes are ranked correctly by their scores.
 
-    The scores differ by Δ ≥ 0; s is the standard deviation of Δ.
+    Δ = ``difference`` ≥ 0 is the higher score minus the lower one, and ``s`` is the standard
+    deviation of Δ. The ranking is correct if the expected value of Δ is positive.
 
     >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
     (0.84, 1.0)

@@ -1,8 +1,8 @@
 """Confirm causes by predictions if the controller is unknown.
 
 The controller feeds the encoders' rounding back, which biases the likelihood. Flights simulated
-with the controller show this bias (`search.nulls`). Without the controller, a cause must also meet
-this condition on at least one axis i:
+with the controller show this bias (`search.nulls`). If the controller is unknown, no flights can be
+simulated. A cause must then also meet this condition on at least one axis i:
 
     ΔRMSE_i > Δ_i/√12,   and the 95 % interval of ΔRMSE_i lies above zero
 
@@ -16,9 +16,9 @@ On an encoder limit cycle the bias may be so large that an axis' inertia is impl
 
 - No finding that acts on this axis is reported (`is_biased`).
 - Other findings must meet the condition on an axis whose inertia is plausible.
-- The trim torque may meet it on any axis: the mean voltage determines the trim torque, whatever the
-  bias of an inertia. Parts of the rigid body's equations may meet it on any axis, too
-  (`conclusion.adoption`).
+- There are two exceptions, for which any axis suffices. The first is the trim torque: the mean
+  voltage determines it, even if an inertia is biased. The second is an effect that only selects a
+  form of the rigid body's equations (`Effect.of_base`, `conclusion.adoption`).
 """
 
 from __future__ import annotations
@@ -82,11 +82,13 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return those ``parameters`` off nominal that held-out predictions confirm.
+    """Return the base ``parameters`` whose deviation from nominal improves held-out predictions.
 
-    Fitting the parameter, instead of keeping the profile's value, must improve the predictions of
-    an axis significantly and by more than encoder rounding. ``after``: results of ``fit`` on
-    held-out data.
+    For each parameter, two models predict the held-out data. In the first (``fit``), all base
+    parameters have their fitted values. In the second, this parameter has the profile's value, and
+    the other parameters are refitted. To test the thrust gain, the second model has the profile's
+    trim torque and inertias. The deviation is confirmed if the first model has a smaller RMSE on an
+    axis, significantly and by more than encoder rounding. ``after``: results of the first model.
     """
 
     def gained(p: OffNominal) -> Gain:

@@ -6,8 +6,9 @@ level (two-sided) at which the parameter differs from θ_0 is
 
     P = erf(|θ̂ − θ_0| / (σ √2))
 
-For a parameter with a separate value for each recording, P follows from χ² of these values. A term
-is a cause if all of these hold:
+A parameter may have a separate value in each of R recordings. Let d (R,) be the distances of these
+values from θ_0, with the covariance C. P is then the probability that χ² with R degrees of freedom
+is below dᵀ C⁻¹ d. A term is a cause if all of these hold:
 
 - A model without the term predicts held-out blocks worse. This condition is waived for a term known
   beforehand, that is, if the prior already excludes θ_0 (`free_run.elimination`).
@@ -16,8 +17,9 @@ is a cause if all of these hold:
 - The estimates from the two halves of the data agree, and both are significant (see below). A term
   known beforehand need not be significant.
 
-All other terms stay in the model with their priors, because a model without such a term predicts
-new motion worse than a model that contains it at a likely size.
+All other terms stay in the model with their priors. The rig may have such an effect although the
+recordings do not show it. A model with the effect, at a size that its prior considers likely,
+predicts new motion better than a model without it.
 
 **Trim torque.** A multi-step fit estimates the trim torque T_g and, for each recording, an
 additional torque τ_i (`mass.imbalance`). The recordings determine T_g + τ̄, where τ̄ is the mean of
@@ -37,7 +39,7 @@ each flight. The fit to half h gives the estimate θ_h ± σ_h of the term's fir
 q is the one-sided normal quantile of `LEVEL`. The two estimates do not count as significant if the
 prior determines one of them more than the data do: both fits use this prior, so it makes their
 estimates equal. If the parameter has a separate value for each recording, the estimates always
-count as agreeing. u_h is then the normal deviate with the same p-value as χ² of the values.
+count as agreeing. u_h is then the normal deviate with the same two-sided p-value as dᵀ C⁻¹ d.
 """
 
 from __future__ import annotations
@@ -184,7 +186,12 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 
 
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
-    """Yield the terms whose parameters are all determined mostly by their priors, except causes."""
+    """Yield the terms, other than ``causes``, that the recordings do not determine.
+
+    For each parameter of such a term, the standard deviation of the estimate is hardly below that
+    of the prior (`MultiStepFit.mostly_prior`). Parameters with a separate value for each recording
+    are ignored.
+    """
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
         vague = [

@@ -262,7 +262,11 @@ def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
 
 
 def _profile_error(model: GreyBoxModel, recordings: Sequence[Recording]) -> SimulationError:
-    """Return the prediction errors of the base simulation with the profile's values (``model``)."""
+    """Return the errors of free-run predictions by ``model``, without a noise floor.
+
+    ``model``: the base simulation (usually the rigid body without effects) with the profile's
+    parameter values.
+    """
     e = np.concatenate([free_run_errors(model, r, HORIZONS_S) for r in recordings])
     rmse = np.degrees(np.sqrt(mean_square(e)))
     return SimulationError(HORIZONS_S, rmse, np.full_like(rmse, np.nan), "", ())

@@ -166,10 +166,12 @@ def eliminate(
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
-    """Return the result for the fit ``full`` without any elimination.
+    """Return a result for the fit ``full`` without eliminating terms and without cross-validation.
 
-    The value √(Σ ((θ − θ_0)/σ)²) of each term replaces its cross-validated loss increase Δ. The sum
-    is over the term's parameters θ ± σ; θ_0 is the value without the effect.
+    Cross-validation would compute by how much the held-out loss increases without a term. Here, the
+    ``increase`` of a term contains its significance √(Σ ((θ − θ_0)/σ)²) instead. The sum is over
+    the term's parameters, each estimated as θ ± σ; θ_0 is the value without the effect. A term with
+    a significance above `QUANTILE_975` counts as needed, any other term as removed.
     """
     each = [
         TermResult(t, LossIncrease(u, u - QUANTILE_975, u + QUANTILE_975, 1.0, NORMAL.cdf(u)))
@@ -205,8 +207,10 @@ def with_confounded_terms(
 ) -> list[TermResult]:
     """Return the causes; the ``tied_with`` of each contains the effects that can replace it.
 
-    Without cross-validation, an effect can replace a cause if this increases the cost Q by less
-    than `SIGMAS_997`².
+    To test whether an effect can replace a cause, the model is refitted with this effect in place
+    of the cause. With cross-validation, the effect can replace the cause if the loss on held-out
+    data does not increase significantly. Without cross-validation, it can replace the cause if the
+    cost Q of the fit to all data increases by less than `SIGMAS_997`².
     """
     fit = result.last.fit
     progress("Testing the other effects of the catalogue …")
@@ -236,9 +240,10 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the other terms with a parameter correlated with a parameter of the term ``name``.
+    """Return the terms whose estimates are correlated with those of the term ``name``.
 
-    Two parameters count as correlated if their |correlation| exceeds `CORRELATED`.
+    Two terms are correlated if a parameter of one and a parameter of the other have estimates with
+    a |correlation| above `CORRELATED`.
     """
     free, C = full.structure.free, full.correlation
     at = [j for j, f in enumerate(free) if f.term == name]

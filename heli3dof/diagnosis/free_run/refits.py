@@ -151,7 +151,8 @@ def unknowns_of(p: MultiStep, j: int) -> np.ndarray:
 def without_effects(p: MultiStep) -> np.ndarray:
     """Return the scaled parameters z (dim,) of a model whose terms have no effect.
 
-    A parameter on a logarithmic scale has no value without effect. Its lower bound is used instead.
+    A parameter that is fitted on a logarithmic scale cannot be zero, so it cannot switch its effect
+    off. For such a parameter, the result contains its lower bound.
     """
     null = np.array([f.scaled(f.low if f.log else f.null) for f in p.structure.free])
     return np.asarray(null[parameter_of_unknown(p)])
@@ -194,8 +195,10 @@ def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
 def split_windows(flight: Flight, fold: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (training windows, test windows) of a fold, each (S,) bool for the S windows.
 
-    Test windows lie inside a block of the fold, training windows inside another block. A window
-    that crosses the edge of a block is in neither set.
+    The flight is divided into blocks of `FOLD_BLOCK_S` seconds, which belong to the `FOLDS` folds
+    in turn. A test window lies completely in a block of this fold. A training window lies
+    completely in a block of another fold. A window that crosses the edge of a block is in neither
+    set.
     """
     start = flight.t[flight.starts]
     stop = start + WINDOW_S

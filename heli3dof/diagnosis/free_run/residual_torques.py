@@ -68,10 +68,12 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 
 
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return (row numbers, times in s, {variable: means}) of time spans that do not overlap.
+    """Select time spans that do not overlap; return (rows, times in s, {variable: means}).
 
-    The row numbers are those of the spans in the result of `residuals`. The means are over each
-    span. The times of recording n are increased by n · 10⁴ s, to separate the recordings.
+    `residuals` returns one row for each time span of `SPANS_S[0]` seconds, but these spans overlap.
+    "rows" are the indices of the selected spans among these rows. "times" are the middles of the
+    selected spans. "means" are the means of a variable over each selected span. The times of
+    recording n are increased by n · 10⁴ s, to separate the recordings.
     """
     rows, t, means, at = [], [], [], 0
     for n, log in enumerate(logs):

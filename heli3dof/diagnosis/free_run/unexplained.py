@@ -26,13 +26,15 @@ the factor
 
     F_late/F_early = Γ(r_late)/Γ(r_early)
 
-The equivalent voltage increase causes the same growth of thrust on the thrust curve. `compare_runs`
-tests whether the same growth of thrust, or the same voltage increase, explains several recordings.
+The equivalent voltage increase is the change of V that raises F(V) by this factor. Recordings at
+different voltages may have a common cause of creep. So `compare_runs` tests two hypotheses: the
+thrust grows by the same percentage in all of them, or as if the voltage rose by the same number of
+volts.
 
 **Explained properties.** `explanation_sentences` states three properties with measured numbers: the
 mean pitch angle in steady flight, the change of the hover voltage with roll, and the dead zone of
-one motor. Relative to hover, the thrust of a motor is F(V)/F(V_hover) = (V/V_hover)^n. Rows are in
-steady flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
+one motor. The thrust of a motor at the voltage V, divided by its thrust at hover, is (V/V_hover)^n.
+Rows are in steady flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
 """
 
 from __future__ import annotations
@@ -245,10 +247,14 @@ def creep(c: CreepRun) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object that states whether the same change explains the creep in all ``runs``.
+    """Yield a JSON object that states whether one change explains the creep of all recordings.
 
-    Two changes are tested: the same relative growth of thrust, and the same voltage increase.
-    Nothing is yielded unless the recordings have different voltages and roll creeps in one of them.
+    Creep is a slow change of roll at constant motor voltages; ``runs`` contains the creep of each
+    recording. Two changes are tested. In the first, thrust grows by the same percentage in all
+    recordings. In the second, thrust grows as if the voltage rose by the same number of volts.
+    Growths count as the same if they are positive and the largest is less than `LARGEST_RATIO`
+    times the smallest. The function yields nothing if all recordings have the same voltage, or if
+    roll creeps in none of them.
     """
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return

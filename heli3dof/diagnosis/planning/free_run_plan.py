@@ -81,16 +81,23 @@ class OpenParameter:
     unit: str
 
     def expected_chi2(self, std_after: float) -> float:
-        """Return u² = (size/σ)², where σ is the standard deviation by the planned flight alone.
+        """Return u² = (size/σ)²: the χ² that is expected from the planned flight alone.
 
-        With all flights, the planned one included, the standard deviation is ``std_after``. So
-        1/σ² = 1/``std_after``² − 1/``std``².
+        ``size`` is the parameter's distance from its value without the effect. The standard
+        deviation of its estimate depends on the flights that are used: σ with the planned flight
+        alone, ``std`` with the flights so far, and ``std_after`` with all of these. The information
+        of the flights adds up, so 1/σ² = 1/``std_after``² − 1/``std``².
         """
         return self.size**2 * max(std_after**-2 - self.std**-2, 0.0)
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
-    """Return one parameter for each undecided term, at most `MAX_COMPARED` parameters."""
+    """Return one parameter for each undecided term, at most `MAX_COMPARED` parameters.
+
+    A term is undecided if the recordings do not show whether the rig has its effect. The function
+    selects the first parameter of the term that has one value for all recordings and no logarithmic
+    scale. Terms without such a parameter are omitted.
+    """
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):

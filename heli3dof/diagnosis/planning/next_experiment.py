@@ -66,7 +66,10 @@ from heli3dof.parallel import parallel_map
 
 
 def fitted_cause(candidate: CandidateFit) -> Probe:
-    """Return the candidate's term with the values of its full fit."""
+    """Return the candidate's term, with the values of its parameters from the candidate's refit.
+
+    The refit adds the term to the model and estimates all parameters.
+    """
     values = candidate.problem.values(candidate.optimum.theta)
     own = values[-len(candidate.term.effect.parameters) :]
     return Probe(candidate.term, tuple(map(float, own)))
@@ -139,10 +142,11 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     3. The search selected a cause that held-out data do not confirm: does the rig have it?
     4. The recordings cannot show an effect, even if it is large: does the rig have it?
 
-    Questions 3 and 4 are open only if the diagnosis has no findings, and if no base parameter off
-    nominal is confounded with other causes. The result is None if no question is open, or if no
-    plan is feasible. For questions 3 and 4, it is also None if a flight of the plan would decide
-    with a probability below `MIN_CERTAINTY`.
+    Questions 3 and 4 are open only if the diagnosis has no findings. In addition, a base parameter
+    (thrust gain, trim torque or inertia) that deviates from the profile must not be confounded with
+    another cause. The result is None if no question is open, or if no plan is feasible. For
+    questions 3 and 4, it is also None if a flight of the plan would decide with a probability below
+    `MIN_CERTAINTY`.
     """
     if found.fitted is not None and found.fitted.open is not None:
         return next_free_flight(found.fitted.open, found.fitted.model, seed=seed)
@@ -240,7 +244,8 @@ def _scores(
 ) -> np.ndarray | None:
     """Return the score-test statistics z (P,) of P trial effects ``probes`` for a simulated flight.
 
-    The flight of ``plan`` is simulated on ``model``. The test is that of the fit ``base``. The
+    The flight of ``plan`` is simulated on ``model``. The null hypothesis of the test is the model
+    of the fit ``base``, with the fitted parameters: the rig has none of the trial effects. The
     result is None if the flight leaves the safety envelope or has no usable rows.
     """
     flight = simulated_plan(plan, model)

@@ -7,7 +7,8 @@ The run also ends in three other cases:
 
 - The recommended plan exceeds the remaining budget.
 - A flight has the same samples as an earlier one, because the emulated rig has a fixed seed.
-- The recommended plan should show a single cause, but was flown before and did not show it.
+- The recommended plan should show whether the rig has one particular cause, but a flight of this
+  plan has already left this open.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ recordings give the torque the same phase in all of them (`bias_correction.scans
 shifts count as parameters. No recording is shifted if the current fit already contains the phase of
 a periodic torque or the instant of a mass change.
 
-**Grid trials.** ℓ is the log-likelihood. Its derivative by encoder backlash is zero at zero
-backlash, so the score test cannot detect backlash. Instead, the gain Δℓ is computed at values w of
-the term's first parameter:
+**Grid trials.** ℓ is the log-likelihood. Its derivative with respect to encoder backlash is zero at
+zero backlash, so the score test cannot detect backlash. Instead, the gain Δℓ is computed at values
+w of the term's first parameter:
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 

@@ -55,10 +55,15 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates to compare by simulated flights, the chosen cause first.
+    """Return the candidates that simulated flights must compare, the chosen cause first.
 
-    The list is empty if the bias of all their scores is small enough to rank them by these scores.
-    Terms that the score test cannot detect are left out, because they have no such bias.
+    Usually the scores of the candidates decide which one is the cause. This is unreliable if the
+    score test is strongly biased for one of them (`relative_bias` above `SIGMAS_997`). Then the
+    result contains the chosen cause, and up to `MAX_COMPARED` − 1 others with a large Z². Otherwise
+    the result is empty.
+
+    A candidate without a score test (encoder backlash) is left out. If the chosen cause has no
+    score test, the result is empty.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
@@ -74,10 +79,10 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
     """Return |z̄|/√κ, the bias of the score test relative to its scatter, for each candidate.
 
-    z̄ is the mean of the candidate's score z over the null simulations, κ the variance inflation of
-    all scores in these simulations. Candidates that the score test cannot detect are omitted.
-    Candidates whose z is a maximum over frequencies or start times are also omitted: such a z has a
-    positive mean even without bias.
+    z̄ is the mean of the candidate's score z over the null simulations: flights simulated without
+    any of the candidates. κ is the variance inflation of all scores in these simulations.
+    Candidates without a score test are omitted. Candidates whose z is a maximum over frequencies or
+    start times are also omitted: such a z has a positive mean even without bias.
     """
     at = [c.probe for c in candidates if c.probe is not None and not c.term.effect.scan]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
@@ -151,11 +156,15 @@ def likelihoods(
 def is_refuted(recorded: np.ndarray, flown: np.ndarray, k: int, j: int) -> bool:
     """Return whether flights simulated from rival k refute that k is the cause, in favour of j.
 
-    d = ℓ_j − ℓ_k is the difference of the rivals' log-likelihoods. The flights simulated from k
-    give the distribution of d for the case that k is the cause. Rival k is refuted if d of the
-    recordings is too far from its mean, towards the mean of d in the flights from j. A d this far
-    has at most the probability `FALSE_ALARMS` if k is the cause. Flights from j may refute j too;
-    then neither rival is the whole cause. Arguments as in `odds`.
+    Rivals k and j are two fits, each with another cause. d = ℓ_j − ℓ_k is the difference of their
+    log-likelihoods for a flight. Let m_k be the mean of d over the flights simulated from k, and
+    m_j the mean over those simulated from j. Rival k is refuted if d of the recordings deviates
+    from m_k, in the direction of m_j, by more than chance allows. If k were the cause, a deviation
+    this large would have at most the probability `FALSE_ALARMS`.
+
+    In the same way, the flights simulated from j may refute j; then neither rival is the whole
+    cause.
+    ``recorded``, ``flown``: as in `odds`.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]
@@ -186,8 +195,11 @@ def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
 
     The K rivals are fits, each with another cause. ``recorded`` (K,): log-likelihood of each rival
     for the recordings. ``flown[i, b, k]``: log-likelihood of rival k for flight b of the B flights
-    simulated from rival i. The odds compare two densities of the recordings' log-likelihood
-    difference ℓ_j − ℓ_k: in flights from k, and in flights from j.
+    simulated from rival i.
+
+    Let d = ℓ_j − ℓ_k be the difference of two rivals' log-likelihoods. The flights simulated from k
+    give the probability density f_k of d, those simulated from j the density f_j. The odds are
+    f_k/f_j at the value of d for the recordings.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]

@@ -50,13 +50,17 @@ from heli3dof.model.physics.state_layout import Stage
 
 @dataclass(frozen=True, eq=False)
 class ScreenResult:
-    """Scores of P effects with trial values, for the recordings or for one null simulation."""
+    """Score-test statistics z of P candidate effects, each with given values of its parameters.
+
+    They are computed from the recordings, or from one null simulation: a flight simulated from the
+    fitted model, without any of the candidates.
+    """
 
     probes: tuple[Probe, ...]
-    """Effects with fixed trial values, then the effects that were scanned over all frequencies or
-    start times, each at the values with the largest score"""
+    """First the effects with trial values that were chosen before the test. Then the effects that
+    were tested at all frequencies or start times, each with the values that give the largest z"""
     z: np.ndarray
-    """(P,) scores"""
+    """(P,) z = u/√v of the module docstring"""
     amplitude: np.ndarray
     """(P,) estimated distance of the first parameter from its null value, in its unit; NaN for a
     voltage limit"""
@@ -73,11 +77,15 @@ first readings in B blocks (n, B, 3). The last two are None if the effect change
 
 
 class Screen:
-    """The score test of all candidates at the parameters of one fit.
+    """Rao's score test of all candidate effects, at the parameters of one fit.
 
-    It tests the recordings and null simulations. For both, the information v is that of the
-    recordings, whose filter run is ``recorded``. ``probes``: effects with fixed trial values;
-    ``scans``: torques to test at every frequency or start time.
+    `score` applies the test to the recordings or to a null simulation: a flight simulated from the
+    fitted model, without any of the candidates. In both cases, z = u/√v is computed with the
+    Fisher information v of the recordings.
+
+    - ``recorded``: the Kalman filter's run over the recordings
+    - ``probes``: candidate effects with trial values of their parameters
+    - ``scans``: torques to test at every frequency or start time
     """
 
     def __init__(
@@ -115,10 +123,11 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ between two effects with trial values.
+        """Return the correlation ρ of the changes that two effects cause in the predicted readings.
 
-        Each effect changes the predicted readings. The fit's parameters are projected out of both
-        changes; ρ is the correlation of what remains. ``a`` and ``b`` are indices of probes.
+        ``a`` and ``b`` are indices of `plain`, the tested effects with trial values of their
+        parameters. Adding one of these effects to the model changes the predicted encoder readings.
+        ρ ignores the part of each change that other values of the fitted parameters would produce.
         """
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
@@ -183,9 +192,10 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """Return the structure with the term ``t`` added, and the parameter values without its effect.
+    """Return the model structure with the term ``t`` added, and values of all its parameters.
 
-    ``values``: values of the structure's own parameters, which are kept.
+    The structure's own parameters keep their ``values``. The parameters of ``t`` have their null
+    values, at which the term has no effect.
     """
     wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.

@@ -34,11 +34,15 @@ class Screening:
     """Scores of the recordings"""
     nulls: Nulls
     bias: np.ndarray
-    """(n,) mean of ∂ℓ/∂θ over the nulls; ℓ: log-likelihood, θ: parameters of ``fit``"""
+    """(n,) mean of ∂ℓ/∂θ over the null simulations; ℓ: log-likelihood, θ: parameters of ``fit``"""
 
     @cached_property
     def Z(self) -> np.ndarray:
-        """Return the standardised scores (P,) of the recordings for P effects with trial values."""
+        """Return the score-test statistics Z (P,) of P candidate effects, from the recordings.
+
+        They are standardised: without any effect, their mean is zero and their variance about one.
+        Each effect is tested with given values of its parameters.
+        """
         return self.nulls.standardised(self.recorded)
 
     @cached_property

@@ -11,9 +11,10 @@ Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
     ε² = (`DRIFT` z̄)²/κ + 1/B
 
 - ρ is the correlation between the changes of the predicted readings that the two candidates cause
-  (`Screen.correlation`). The second candidate explains the share ρ² of S, so (1 − ρ²) S is the
-  expected difference. A larger difference is due to chance or to an inexact formula of an effect.
-  It does not distinguish the candidates.
+  (`Screen.correlation`). If the first candidate is the cause, the second one is expected to explain
+  the share ρ² of S. So the expected value of S − S′ is (1 − ρ²) S. If S − S′ is larger, the excess
+  is due to chance or to an inexact formula of an effect. The excess is no evidence against the
+  second candidate, so the criterion uses the smaller of the two numbers.
 - ε is the error of the bias correction, in standard deviations. z̄ is the mean of a candidate's
   score z over B null simulations, which contain no further effect (`search.nulls`). The larger |z̄|
   of the two candidates counts. κ is the variance inflation of z in these simulations.

@@ -289,7 +289,7 @@ def hat_scores(library: Hats, flight: LinearisedRun, tangents: np.ndarray) -> Ha
 
 
 def hat_sensitivities(library: Hats, flight: LinearisedRun, group: int) -> np.ndarray:
-    """Return the derivatives (KNOTS, E) of the E predicted encoder readings by torque coefficients.
+    """Return derivatives (KNOTS, E) of E predicted readings with respect to torque coefficients.
 
     The torque acts on one axis and is a piecewise linear function of one variable. The coefficients
     are the torques (N·m) at its `KNOTS` knots. ``group``: index of the axis and the variable in
@@ -309,8 +309,8 @@ def _forward_pass(
 ) -> HatScores:
     """Return `hat_scores`; write the derivatives of the readings to ``sensitivities``.
 
-    They are the derivatives (J, E) of E predicted encoder readings by the coefficients of J hat
-    functions. If ``sensitivities`` has the shape (0, E), they are not written.
+    They are the derivatives (J, E) of E predicted encoder readings with respect to the coefficients
+    of J hat functions. If ``sensitivities`` has the shape (0, E), they are not written.
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import sum_hat_scores
 

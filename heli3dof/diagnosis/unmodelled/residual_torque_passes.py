@@ -1,17 +1,23 @@
 """Compiled loops: compute how an additional torque changes the likelihood, to first order.
 
 The filter's gains are held fixed, and the model is linearised along its states x = (q, q̇), in rad
-and rad/s. A small torque τ (N·m) during row k, h s long, changes the predicted x by δx = (δq, δq̇):
+and rad/s. A small torque τ (N·m) acts during row k, which lasts h seconds. It changes the predicted
+x by δx = (δq, δq̇):
 
     δq̈ = A δx + B τ,    A = ∂q̈/∂(q, q̇) (3, 6),   B = M(q)⁻¹ (3, 3)
     δq ← δq + h δq̇ + h²/2 δq̈,     δq̇ ← δq̇ + h δq̈             from row to row
-    δc = s δx_c,  δx ← δx − K w δc                             at each event
+    δc = s δx_i,  δx ← δx − K w δc                             at each event
 
-An event is an update by an encoder reading (`heli3dof.model.estimation.ekf_quantised`). It has the
-prediction c, score g, information w and gain K; s is the slope of the reading. To first order, the
-log-likelihood ln L changes by Σ g δc. `gradient` is the adjoint: one backward pass computes
-ν_k = ∂ ln L/∂τ_k for each row and axis. A torque f then has the score Σ f_k ν_k. `sum_hat_scores`
-computes δc of many torques in one forward pass, and sums their scores and their information.
+An event is an update of the filter by an encoder reading (`heli3dof.model.estimation.ekf_quantised`
+defines its symbols). c is the predicted value of the measured quantity, usually the reading itself.
+x_i is the state on which c depends, and s = ∂c/∂x_i. g = ∂ ln L/∂c is the score, with the
+likelihood L. w = −∂² ln L/∂c² is the information, and K is the covariance of x and c. The reading
+updates the state by K g.
+
+To first order, a torque changes ln L by Σ g δc, summed over all events. `gradient` computes
+ν_k = ∂ ln L/∂τ_k for each row and axis by one backward pass (adjoint method). A torque with the
+time course f_k then has the score Σ f_k ν_k. `sum_hat_scores` computes δc of many torques in one
+forward pass, and sums their scores and their information.
 """
 
 from __future__ import annotations
@@ -124,15 +130,15 @@ def _sum_hat_scores(  # type: ignore[no-untyped-def]
 
     - ``left`` (N, M): index of the knot below the variable's value in each of N rows
     - ``share`` (N, M): position of the value between this knot (0) and the next one (1)
-    - ``tangents`` (n, E): derivatives of the predicted readings by n other parameters
+    - ``tangents`` (n, E): derivatives of the predicted readings with respect to n other parameters
 
     Results, written to the last four arguments:
 
-    - ``score`` (J,): derivatives of the log-likelihood by the coefficients
+    - ``score`` (J,): derivatives of the log-likelihood with respect to the coefficients
     - ``information`` (groups, knots, knots): Fisher information of the coefficients in each group
     - ``cross`` (n, J): Fisher information shared by the n other parameters and the coefficients
-    - ``sensitivities`` (J, E): derivatives of the predicted readings by the coefficients; an array
-      (0, E) if they are not needed
+    - ``sensitivities`` (J, E): derivatives of the predicted readings with respect to the
+      coefficients; an array (0, E) if they are not needed
     """
     M = left.shape[1]
     groups = axes.shape[0] * M
@@ -204,9 +210,10 @@ sum_hat_scores = compiled(_sum_hat_scores, error_model="numpy", nogil=True)
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
     """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J).
 
-    ν_k is the derivative of the log-likelihood by the torque in row k (``nu``, from `_gradient`).
-    z_k is the value of the function's variable. The sum is over the rows k of a block; ``which``
-    (N,) is the block number of each row.
+    A hat (triangular) function φ(z) is a torque on one axis that depends on one variable z. z_k is
+    the value of z in row k. ν_k is the derivative of the log-likelihood with respect to the torque
+    in row k (``nu``, from `_gradient`). The sum is over the rows k of a block; ``which`` (N,) is
+    the block number of each row. ``left``, ``share``: as in `_sum_hat_scores`.
     """
     M = left.shape[1]
     for k in range(nu.shape[0]):

@@ -240,15 +240,17 @@ def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores of the coefficients of J hat (triangular) functions, and of a fit's n parameters.
+    """Scores: derivatives of the log-likelihood with respect to torque and model parameters.
 
-    There is one set of scores for each of B simulated flights, or B blocks of a recorded flight.
+    A residual torque is a sum of J hat (triangular) functions times coefficients. The fitted model
+    has n parameters. The scores are computed for each of B simulated flights, or for each of B time
+    blocks of a recorded flight.
     """
 
     u: np.ndarray
-    """(B, J) scores of the hat functions"""
+    """(B, J) derivatives with respect to the coefficients of the hat functions"""
     g: np.ndarray
-    """(B, n) scores of the fit's scaled parameters"""
+    """(B, n) derivatives with respect to the fit's scaled parameters"""
 
 
 def simulated_scores(
@@ -275,8 +277,8 @@ def simulated_scores(
 def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray) -> Scores:
     """Return the scores in half-second blocks of the flight.
 
-    ``tangents`` (p, E): derivatives of the E predicted readings by p parameters, whose scores are
-    returned as ``g`` (B, p), a row for each block.
+    ``tangents`` (p, E): derivatives of the E predicted readings with respect to p parameters. The
+    scores of these parameters are returned as ``g`` (B, p), with one row for each block.
     """
     which = block_numbers(flight.data, BLOCK_S)
     count = int(which.max()) + 1

@@ -128,9 +128,11 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
 
 
 def ordered_products(fit: CorrectedFit, axis: str, S: np.ndarray, c: np.ndarray) -> list[int]:
-    """Return the indices of the products that explain the torque equally well, the proposed first.
+    """Return which products of measured quantities explain the torque on ``axis`` equally well.
 
-    ``S`` (P,), ``c`` (P,): from `product_scores` for this ``axis``.
+    The result contains indices of `PRODUCTS`. The first one is the product that the diagnosis
+    proposes as the formula; the others are reported as alternatives (rule: see the module). ``S``
+    (P,), ``c`` (P,): test statistics and coefficients from `product_scores` for this axis.
     """
     margin = TIE * max(fit.inflation, 1.0)
     best, *others = (int(k) for k in np.argsort(-S) if S.max() - S[k] < margin)
@@ -147,9 +149,10 @@ def ordered_products(fit: CorrectedFit, axis: str, S: np.ndarray, c: np.ndarray)
 def with_product(
     fit: CorrectedFit, axis: str, product: str, c: float
 ) -> tuple[Likelihood, Optimum]:
-    """Return the likelihood of ``fit`` extended by a torque c φ, and its maximum.
+    """Add a torque c φ to the model of ``fit``, and refit all parameters.
 
-    ``product``: φ as text; ``c``: the coefficient at which the search starts, in SI units.
+    The result is the likelihood function of the extended model, and the maximum that the refit
+    found. ``product``: φ as text; ``c``: the coefficient at which the refit starts, in SI units.
     """
     o = fit.optimum
     torque = term(f"{PREFIX}{product}.{axis}")
@@ -217,7 +220,7 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def product_sensitivities(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return the derivatives (P, E) of E predicted encoder readings by P torque coefficients.
+    """Return derivatives (P, E) of E predicted readings with respect to P torque coefficients.
 
     Each torque c φ has the coefficient c, in SI units, and acts on the axis with the index
     ``axis``. ``products``: the P products φ as text, such as ``roll_rate*sin(pitch)``.

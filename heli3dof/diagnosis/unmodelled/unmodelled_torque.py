@@ -30,10 +30,10 @@ summand removes the constant torque; r degrees of freedom remain. The search has
    added to the x of functions of time.
 4. Project the accepted torque out of all scores, and test again.
 
-A torque that depends on time only is slow noise, such as a draught's. Step 4 projects it out, but
-the model gets no term for it. Slow noise proves that the noise is coloured. So after the search has
-found slow noise, step 3 uses each estimate of ρ. Before, an estimate of ρ that does not differ
-significantly from 1 is replaced by 1.
+A torque that depends on time only is slow noise, such as the torque of a draught. Step 4 projects
+it out, but the model gets no term for it. At first, step 3 sets ρ = 1 (white noise) unless the
+estimate of ρ is significantly larger than 1. As soon as the search has accepted slow noise, the
+noise is known to be coloured. From then on, step 3 uses each estimate of ρ as it is.
 
 If flights cannot be simulated, κ is estimated from the scores in half-second blocks of the flight.
 The threshold of x is then twice the Bonferroni threshold.
@@ -194,7 +194,7 @@ def _next_torque(
 
     If several groups meet them, the result is the most significant one. In this comparison,
     functions of time get a bonus (`ranked_with_time_bonus`). The sensitivities (KNOTS, E) are the
-    derivatives of the E predicted encoder readings by the coefficients of the torque.
+    derivatives of the E predicted encoder readings with respect to the coefficients of the torque.
     ``is_coloured``: True if the search has already accepted slow noise, that is, a torque that
     depends on time only.
     """
@@ -211,7 +211,7 @@ def _next_torque(
 
 
 def _sensitivities(evidence: Evidence, group: int) -> np.ndarray:
-    """Return the derivatives (KNOTS, E) of the E predicted encoder readings by torque coefficients.
+    """Return derivatives (KNOTS, E) of E predicted readings with respect to torque coefficients.
 
     The torque acts on one axis and is a piecewise linear function of one variable. The coefficients
     are the torques (N·m) at its `KNOTS` knots. ``group``: index of the axis and the variable.
@@ -255,12 +255,16 @@ def _exceeds_coloured_noise(
     *,
     is_coloured: bool,
 ) -> bool:
-    """Return whether the torque ``new`` of group q remains significant with coloured noise.
+    """Return whether the torque ``new`` would still be significant if the noise were coloured.
 
-    The group's score-test statistic S is divided by κ and ρ. κ is the variance inflation of the
-    scores, ρ the factor by which coloured noise increases S. An estimate of ρ that does not differ
-    significantly from 1 is replaced by 1. ``is_coloured``: True if the search has already found
-    slow noise, which is coloured. Then the estimate of ρ is never replaced.
+    ``new`` is a function of one variable on one axis; ``q`` is the index of this axis and variable.
+    S is the score-test statistic of the torque. κ ≥ 1 is the variance inflation of its score, and
+    ρ ≥ 1 is the factor by which coloured noise increases S. The torque is significant if
+    x = −2 ln P(χ² > S/(κρ)) exceeds the threshold of the search.
+
+    Usually, ρ = 1 unless its estimate is significantly larger than 1. If ``is_coloured`` is True,
+    each estimate of ρ is used as it is: the search has already found slow noise, so the noise is
+    known to be coloured.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -434,9 +438,10 @@ def _residual_torque(
 
 
 def share_of(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
-    """Return the share 1 − var(τ̂ − f)/var(τ̂) ≥ 0 of the torque τ̂ (N,) that f (N,) explains.
+    """Return the share of the variance of ``torque`` (N,) that the function values f (N,) explain.
 
-    τ̂ and f are averaged over `WINDOW_S` first. ``h`` (N,): sampling intervals in s.
+    The share is max(0, 1 − var(τ̂ − f)/var(τ̂)), where τ̂ is ``torque``. Both τ̂ and f are first
+    averaged over time intervals of `WINDOW_S`. ``h`` (N,): sampling intervals in s.
     """
     every = max(1, round(WINDOW_S / float(np.median(h))))
     n = len(f) // every

@@ -1,9 +1,9 @@
 """Evaluate a fit on held-out data.
 
-Items 3 to 5 below list the quantities that are nevertheless estimated with the held-out data.
-Without hold-out recordings, the evaluation is a cross-validation: each block b of the training
-recordings is left out once, with `PURGE_S` of rows on either side. A Gauss-Newton step from the
-fit θ̂ gives the parameters θ_{−b} that the remaining rows determine:
+If there are hold-out recordings, the fit is evaluated on them. Otherwise the evaluation is a
+cross-validation. It leaves out each block b of the training recordings once, with `PURGE_S` of rows
+on either side. A Gauss-Newton step from the fit θ̂ gives the parameters θ_{−b} that the remaining
+rows determine:
 
     θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 
@@ -11,6 +11,8 @@ fit θ̂ gives the parameters θ_{−b} that the remaining rows determine:
     s                share of the filter's measurement updates that are left out
     ḡ                bias of the score (`bias_correction.correction`), or zero
     θ_0, Λ           mean and precision of the prior
+
+A few quantities are estimated with the held-out data all the same: see items 3 to 5.
 
 1. If the step is longer than `LONG_STEP`, up to `SEARCH_ROUNDS` further steps follow.
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
@@ -22,8 +24,9 @@ fit θ̂ gives the parameters θ_{−b} that the remaining rows determine:
    for the model without them. So a flight with more noise favours neither model.
 5. Each recording has its own phase of a periodic torque, and its own instant of a mass change
    (`effects.Parameter.per_recording`). For a hold-out recording, they are estimated on that
-   recording (`validation.prediction`). In cross-validation, time shifts of the recordings give the
-   torque the same phase in all recordings. These shifts remain those estimated from all rows.
+   recording (`validation.prediction`). In a fit to several recordings, the time of each recording
+   is shifted so that the torque has one common phase. Cross-validation does not estimate these
+   shifts again: it uses those estimated from all rows, including the left-out block.
 6. The filter starts `SETTLE_S` before the evaluated rows. With backlash it starts
    `BACKLASH_SETTLE_S` before them, because only encoder edges in both directions determine the
    position within the backlash.
@@ -221,7 +224,11 @@ def _evaluate(
 
 
 def _ends(d: Data) -> np.ndarray:
-    """Return the rows (S,) in which the predictions end, at most the last row."""
+    """Return the index of the row in which each of the S predictions ends: an array (S,).
+
+    Predictions start from the rows `starts_of` and last `HORIZON_S`. For a prediction that would
+    end beyond the data, the index is that of the last row.
+    """
     return np.asarray(np.minimum(starts_of(d) + rows_ahead(d, (HORIZON_S,)), len(d.t) - 1))
 
 
@@ -279,10 +286,11 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> HeldOut:
-    """Return the results of all ``parts``, summed over cells (time intervals of about `CELL_S`).
+    """Sum log-likelihoods and squared prediction errors within each cell of the data.
 
-    Each part contains the results of `_evaluate` on one hold-out recording or block. ``on``:
-    description of the held-out data.
+    A cell is a time interval of about `CELL_S` seconds; the result has one sum for each cell. Each
+    of ``parts`` is the result of `_evaluate` on one hold-out recording or block: log-likelihood and
+    prediction errors. ``on``: description of the held-out data.
     """
     cell_of_row, recorded_t = np.zeros(len(d.t), dtype=np.int64), d.recorded_t
     starts: list[float] = []

@@ -8,10 +8,10 @@ gain.
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
-The 95 % intervals come from a block bootstrap whose blocks are cells of `CELL_S` seconds, because
-predictions overlap, and noise is correlated within a second. A gain is significant if the interval
-of Δℓ lies above zero (`gain_interval_positive`). RMSE alone may miss a real effect: modelling a
-periodic torque may lower it by only 2 %.
+The 95 % intervals come from a block bootstrap. Its blocks are time intervals of `CELL_S` seconds
+(cells), because predictions overlap and noise is correlated within a second. A gain is significant
+if the interval of Δℓ lies above zero (`gain_interval_positive`). RMSE alone may miss a real effect:
+modelling a periodic torque may lower it by only 2 %.
 """
 
 from __future__ import annotations
@@ -57,7 +57,11 @@ class Predictions:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Results of a model on held-out rows, summed over each of m cells of `CELL_S` seconds."""
+    """Log-likelihood and squared prediction errors of a model on held-out rows of recordings.
+
+    The recordings are divided into m cells (time intervals) of about `CELL_S` seconds. There is one
+    sum for each cell.
+    """
 
     loglik: np.ndarray
     """(m,) Σ ln Z of each cell; empty without a likelihood"""

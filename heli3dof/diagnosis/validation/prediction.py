@@ -7,8 +7,9 @@ recorded voltages.
 
 **Phases and instants.** A periodic torque has the same amplitude and frequency in every recording
 of a rig, but not the same phase φ. A mass change happens at a different instant t_m in each
-recording. In a recording that was not fitted, φ and t_m are estimated: they maximise the
-log-likelihood ℓ of this recording, one after another. All other parameters keep their values.
+recording. For a recording that was not fitted, this module estimates φ and t_m, one after the
+other. The estimate is the value at which the log-likelihood ℓ of this recording is largest. All
+other parameters keep their values.
 
 For a torque proportional to sin(2π f t + φ), ℓ is nearly a quadratic function of cos φ and sin φ:
 

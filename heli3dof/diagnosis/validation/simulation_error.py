@@ -119,7 +119,7 @@ def simulation_error(
     """Return a model's prediction errors on recordings, and their noise floor.
 
     The noise floor is the error that would remain if ``truth`` (default: ``model``) were the true
-    model. Raises RecordingError if no row is usable.
+    model. Raises RecordingError if no sample of the recordings is usable.
     """
     data, e = model_errors(model, recordings)
     floor, by = noise_floor_deg(truth or model, recordings, seed=seed)
