@@ -229,7 +229,8 @@ class MockRig:
     def arm(self) -> Sample:
         """Enable the output at zero volts, clear every stop, and return the first sample.
 
-        A rig that starts held level is released at the first command.
+        With the URL option ``start=level``, the emulator holds the rig level until the first
+        voltage command (`exchange`) after the arming.
         """
         self._check_open()
         now = time.monotonic()

@@ -1,9 +1,10 @@
 """`Result`: the base class of recordings, identifications, comparisons and diagnoses.
 
-The class displays such a result as text, HTML or figure in a notebook. A result class may not
-import packages that use it, such as `heli3dof.report`, which draws the figures. So these packages
-register functions as entry points of a group, such as `FIGURES`, named by result class.
-`registered` finds them.
+A notebook can display a `Result` as text, HTML or a figure. `heli3dof.report` draws the figures. It
+imports the result classes, so these classes may not import it. Instead, pyproject.toml registers
+the function that draws a class's figure. The registration is an entry point in the group `FIGURES`;
+its name is the name of the class. `registered` returns the function. The groups `SUMMARIES` and
+`DOCUMENTS` contain functions of other packages in the same way.
 """
 
 from __future__ import annotations
@@ -55,9 +56,10 @@ class Result:
 
 
 def registered(group: str, name: str) -> Callable[..., Any]:
-    """Return the function that the entry point ``name`` of ``group`` names.
+    """Return the function that is registered as the entry point ``name`` in the group ``group``.
 
-    Raises UsageError if there is none.
+    ``name``: the name of a result class, such as ``Recording``. Raises UsageError if there is no
+    such entry point.
     """
     for point in entry_points(group=group, name=name):
         function: Callable[..., Any] = point.load()

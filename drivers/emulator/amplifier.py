@@ -57,7 +57,9 @@ class Amplifier:
     def arm_code(self, ticket: int) -> Code:
         """Return the result code of an ARM request: OK, or why it is refused.
 
-        ``ticket``: the number in the request; only the current ticket is accepted.
+        ``ticket``: the number in the request. It must equal the amplifier's present ticket, which
+        the host gets in the reply to its last request. The ticket changes with every ARM, DISARM,
+        stop and expiry of the watchdog. So the amplifier refuses a request from before a stop.
         """
         if self.enabled:
             return Code.ALREADY_ARMED

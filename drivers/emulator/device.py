@@ -72,8 +72,8 @@ class Device:
     def command(self, sequence: int, v_front: float, v_back: float) -> None:
         """Apply these voltages in V, clipped to ± ``v_max``. NaN or infinity stops the motors.
 
-        If the device is disabled, stopped, latched or faulty, the method only stores the command's
-        number ``sequence``.
+        The method only stores the command's number ``sequence`` in these cases: the device is not
+        armed, it was stopped, its watchdog has expired, or its amplifier reports a fault.
         """
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:

@@ -114,7 +114,11 @@ class Vibration:
 
 @njit(cache=True)
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
-    """Return torques w[0] … w[n−1] (N·m), w[k+1] = ``a`` w[k] + drive[k]; ``w`` becomes w[n]."""
+    """Return n torques τ[0] … τ[n−1] (n, 3) in N·m, where τ[k+1] = ``a`` τ[k] + ``drive``[k].
+
+    ``w`` (3,) contains τ[0]. The function overwrites it with τ[n], the first torque of the next
+    call. ``drive`` (n, 3): white noise in N·m.
+    """
     block = np.empty_like(drive)
     for k in range(len(drive)):
         for i in range(3):

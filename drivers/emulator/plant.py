@@ -1,8 +1,14 @@
 """Simulates the plant (body, effects, noise and encoders), one control period at a time.
 
-One seed gives four separate streams of random numbers: spread, noise, timing, vibration. Switching
-one of these on does not change the random numbers of the others. Each control period has at
-least `MIN_SUBSTEPS` integration substeps of at most `MAX_SUBSTEP_S` seconds.
+One seed gives four separate streams of random numbers, one for each of these random effects:
+
+- the deviation of the rig's parameters from the profile (``spread``)
+- the random torques (``noise``)
+- the errors of the sampling times, and lost samples
+- the vibration
+
+Switching one of these effects on or off does not change the random numbers of the others. Each
+control period has at least `MIN_SUBSTEPS` integration substeps of at most `MAX_SUBSTEP_S` seconds.
 """
 
 from __future__ import annotations

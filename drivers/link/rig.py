@@ -1,17 +1,24 @@
 """A rig on the link, over any transport: the host's side of docs/reference/protocol.md.
 
-Streaming (the device keeps time)::
+`LinkRig.exchange` sends the voltages of one control period and returns the next sample. It works in
+one of two modes.
 
-    exchange:  COMMAND at once ──▶ ... the device's next sample
+**Streaming.** The device samples by its own clock and sends each sample without a request:
 
-Samples that were waiting when the command was sent are discarded, and of several that arrive
-together the newest is used. So a late host skips periods; it never makes up for them. If the
-connection loses or delays a command, no period is lost: the next sample is used. The sample's echo,
-the number of the last command applied, shows that the command is missing.
+1. Discard the samples that have already arrived.
+2. Send the voltages (a COMMAND frame).
+3. Wait for the next sample (a SAMPLE frame). If several have arrived together, return the newest.
 
-Polled (the host keeps time)::
+So a late host skips control periods, and does not make up for them. If the connection loses or
+delays a command, the device still sends its next sample. Each sample contains the number of the
+last command that the device applied (the *echo*), which shows that a command is missing.
 
-    exchange:  COMMAND at once, wait until due_s (the period's end), POLL ──▶ SAMPLE
+**Polled.** The host's clock determines the sampling times:
+
+1. Discard the samples that have already arrived.
+2. Send the voltages (a COMMAND frame).
+3. Wait until ``due_s``, the end of the control period.
+4. Send a request for a sample (a POLL frame), and return the sample in the device's reply.
 """
 
 from __future__ import annotations

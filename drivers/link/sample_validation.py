@@ -63,9 +63,11 @@ class SampleValidator:
         self._instants: Instants | None = None
 
     def arm(self, period_us: int = 0) -> int:
-        """Return the number of a new ARM frame, higher than that of every earlier command.
+        """Prepare for an arming, and return the number for the ARM frame that the caller will send.
 
-        ``period_us``: µs between the stream's samples; 0: no stream.
+        The number is one more (modulo 2³²) than that of the last command. From now on, `accept`
+        rejects samples of earlier armings. ``period_us``: sampling period in µs of the stream that
+        the ARM frame requests; 0: no stream.
         """
         self._period_s = period_us * 1e-6
         self._instants = None

@@ -168,7 +168,11 @@ class Board:
             hil.watchdog_set_digital_expiration_state(lines, n, tristate)
 
     def watchdog_start_to_expire(self) -> None:
-        """Start the watchdog, which then expires and sets zero volts: last resort for a stop."""
+        """Start the watchdog and never reload it, so that the board sets 0 V after the timeout.
+
+        This is the last resort if the program could not switch the outputs off itself. The method
+        ignores errors of the board.
+        """
         with suppress(self.error):
             self.watchdog_start()
 

@@ -86,7 +86,12 @@ class QuanserDriver:
         return f"amplifier disabled by digital outputs {lines}, and zero volts written"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Return checks of the vendor's library and the enable lines; does not open the board."""
+        """Return the results of up to two checks, for ``heli3dof doctor``; opens no board.
+
+        - The vendor's library can be loaded.
+        - The URL names digital outputs that enable the amplifier. This check is left out if the
+          library cannot be loaded.
+        """
         from .wiring import Wiring
 
         wiring = Wiring.of(url)

@@ -94,9 +94,10 @@ class Wiring(UrlOptions):
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """Return the wiring that ``url`` states; ``place`` is not used.
+        """Return the board and its channels, as ``url`` states them; ``place`` is not used.
 
-        Raises UsageError for a URL without a board, a bad option, and a channel that is used twice.
+        Raises UsageError if the URL names no board, has an invalid option, or uses a channel twice
+        (for instance, one encoder input for roll and pitch).
         """
         board, slash, number = url.where.partition("/")
         number = number or ("" if slash else "0")

@@ -213,9 +213,11 @@ def _run(
     output: Path, where: str, resume: bool, workers: int | None, cluster: str | None,
     profile: Path | None,
 ) -> None:  # fmt: skip
-    """Run the subcommand ``name`` on the recordings ``words``, and print the results.
+    """Run the subcommand ``name`` on many recordings, and print the results.
 
-    It runs on each recording once per set of its options in ``options``.
+    ``words``: the command-line arguments that name the recordings (files, folders, patterns, URLs).
+    ``options``: one or more sets of options of the subcommand. The subcommand runs on each
+    recording once with each set. ``where``: a condition that selects recordings; "" selects all.
     """
     from heli3dof.batch.condition import checked
     from heli3dof.batch.recording_columns import COLUMNS

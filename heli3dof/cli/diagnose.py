@@ -157,7 +157,11 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
 
 
 def _end_with_bad_data(out: Output, document: Mapping[str, Any]) -> NoReturn:
-    """End the command with RecordingError's exit code; with ``--quiet``, print the faults first."""
+    """End the command with the exit code of RecordingError, because a recording has faults.
+
+    With ``--quiet`` no report has shown these faults, so the function prints them first.
+    ``document``: the diagnosis, which contains the faults.
+    """
     from heli3dof.report.text.diagnosis_summary import faults
 
     if out.quiet:
@@ -192,7 +196,10 @@ def _load(
 
 
 def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
-    """Return the faults of swapped columns in the log at ``path``; empty if it is not readable."""
+    """Check the log at ``path`` for two swapped columns; return the fault found, if any, in a list.
+
+    The list is also empty if the log cannot be imported.
+    """
     from heli3dof.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 

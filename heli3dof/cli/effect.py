@@ -34,7 +34,7 @@ def new(
     ] = None,
     source: Annotated[
         Path | None,
-        typer.Option("--from", metavar="FILE", help="Output of diagnose --json, or its model."),
+        typer.Option("--from", metavar="FILE", help="JSON output or model file of diagnose."),
     ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to create the package.")

@@ -61,10 +61,11 @@ def monitor(
 def _source(
     out: Output, device: str | None, profile_file: Path | None
 ) -> Iterator[tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]]:
-    """Context manager: yield a function that reads the rig, and entries of the JSON document.
+    """Context manager: yield a function that returns the rig's next reading, and a dict.
 
-    If another process uses the rig, it supplies the readings; the function returns None once that
-    process has ended. Otherwise the rig is open in the block.
+    The dict contains entries of the command's JSON document. If another process uses the rig, the
+    function requests each reading from that process, and returns None once the process has ended.
+    Otherwise the context manager opens the rig, and closes it at the end of the ``with`` block.
     """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of

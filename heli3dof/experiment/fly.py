@@ -124,15 +124,17 @@ def fly_plan(
     receives the progress. Before arming the rig, the function calls ``opened`` with the rig's
     identity, and ``warn`` with each warning.
 
-    Returns the flight even if the flight did not complete its plan (`Flight.raise_if_cut_short`).
-    If the file ``output`` was moved or deleted in flight, the function cannot return the flight. It
-    then raises RecordingError if the plan was completed, else the exception that
-    `Flight.raise_if_cut_short` would raise. It raises that exception also if the flight ended
-    before its first row was recorded.
+    Returns the flight even if it did not complete its plan. In these cases the function raises an
+    exception instead:
 
-    If the flight did not start, raises PlanError, UnstableLoop, DeviceError, OutputExists or
-    UsageError. Raises SafetyTrip if an emergency stop came after the start of this program, or in
-    an interactive interpreter after this call (`heli3dof.rig.session.stop_stamp`).
+    - The flight ended before its first row was recorded: the exception that
+      `Flight.raise_if_cut_short` raises for such an ending.
+    - The file ``output`` was moved or deleted in flight: RecordingError if the plan was completed,
+      else the exception of `Flight.raise_if_cut_short`.
+    - The flight did not start: PlanError, UnstableLoop, DeviceError, OutputExists or UsageError.
+    - An emergency stop was requested before the rig was armed: SafetyTrip. In a script or program,
+      every stop since the program's start counts. In an interactive interpreter, only a stop since
+      this call counts (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     if output is not None:

@@ -1,13 +1,13 @@
 """The file of an exercise: an encrypted (*sealed*) emulated rig, whose effects students diagnose.
 
-The file is JSON. Its two sealed parts have the same length in every exercise:
+The file is JSON. Two of its fields are encrypted, and have the same length in every exercise:
 
 - ``rig``: what the emulator simulates, encrypted (XSalsa20-Poly1305) with `FLYING_KEY`. That hides
   the effects from view, but a determined programmer finds the key in heli3dof's code.
 - ``truth``: the effects and their sizes, in a sealed box (X25519) that only the teacher's private
   key opens.
 
-``signature`` is the teacher's Ed25519 signature of all other keys.
+The field ``signature`` is the teacher's Ed25519 signature of all other fields of the file.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Exercise(BaseModel):
         return f"{PREFIX}{self.id}"
 
     def signed_part(self) -> bytes:
-        """Return the signed bytes: all keys of the file except ``signature``, as JSON."""
+        """Return the signed bytes: all fields of the file except ``signature``, as JSON."""
         return json.dumps(self.model_dump(exclude={"signature"}), sort_keys=True).encode()
 
     def to_bytes(self) -> bytes:

@@ -11,10 +11,12 @@ controller's computing time.
 
 A command is **unacknowledged** if the sample at the end of its control period does not echo it.
 Such a command was lost, was refused, or has not arrived yet. A command was **never echoed** if a
-later command was echoed first. At the end of a flight, n commands may still be without an echo.
-They count as never echoed if n is larger than the number just after any earlier echo in this
-flight: the device has then stopped echoing. Both kinds of command are counted while the device is
-enabled; a stopped device refuses every command.
+later command was echoed first. Both kinds of command are counted only while the device is enabled,
+since a stopped device refuses every command.
+
+When an echo arrives, newer commands may still be on their way. Let m be the largest number of such
+commands at any echo in the flight. At the end of the flight, n commands are still without an echo.
+If n > m, the device has stopped echoing, so these n commands count as never echoed, too.
 """
 
 from __future__ import annotations

@@ -73,8 +73,9 @@ def explain(
     """Return what stopped the device, with likely cause and fix; None if nothing did.
 
     ``flags``: the flags of a sample; ``device_cause``: the cause that the device states.
-    ``longest_exchange_s``: longest time from sending a command to the sample's return, in s. A
-    watchdog's report states it: a slow device makes this time long.
+    ``longest_exchange_s``: the longest time in s from sending a command to receiving the next
+    sample. If the device's watchdog expired, the result states this time, because a long time
+    suggests a slow device or a slow line as the cause.
     """
     seen = Trip.first(*(trip for flag, trip in BY_FLAG.items() if flags & flag))
     if seen is not None and flags & Flags.LATCHED and longest_exchange_s is not None:

@@ -21,13 +21,17 @@ virtual    when sample k arrives                       none
 
 With the device timebase, a link that numbers its samples counts all three kinds in
 ``rig.statistics``: ``lost``, ``device_skipped``, and for missed periods ``samples_stale`` (samples
-that were outdated when the host read them). If more than `OVERFLOW` samples were stale at once, the
-host's input buffer was full. The host has then also caused the losses in the same interval, so the
-lost periods of this interval count as missed.
+that were outdated when the host read them). If the host discards more than `OVERFLOW` stale samples
+before it uses a sample, its input buffer was full. A full buffer also loses samples. So the host
+has caused these losses, and the lost periods before this sample count as missed.
 
-For any other link, the jump of the device's time gives the number of skipped periods (`Instants`).
-If the link counts lost samples, as many of these periods are lost. If it does not, the skipped
-periods that were due after the host began to wait are lost. The other skipped periods are missed.
+If a link does not count all three kinds, the device's time in each sample shows how many periods
+were skipped before the sample (`Instants`). A period counts as lost or missed by one of two rules:
+
+* If the link counts lost samples, its count is the number of lost periods. The other skipped
+  periods are missed.
+* Otherwise let t be the time at which the host began to wait for the sample. A skipped period is
+  lost if its deadline is later than t, and missed if it is earlier.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a
@@ -54,7 +58,8 @@ Skipped = Callable[[], tuple[int, int, int]]
 class VirtualDeadlines:
     """Deadlines on a virtual clock, which advances with the samples: every sample is on time.
 
-    Base class for the deadlines on the host's and the device's clock.
+    `HostDeadlines` and `DeviceDeadlines`, the deadlines on a real clock, are derived from this
+    class. They also compute how late a sample is, and which periods were skipped.
     """
 
     def __init__(self, dt: float) -> None:

@@ -1,4 +1,4 @@
-"""Safety monitors: each judges every control period and reports why the flight must end now.
+"""Safety monitors: each checks every control period and reports why the flight must end now.
 
 Each monitor is a subclass of `SafetyMonitor` in a file of this package. A monitor's report is
 stored in the recording and ends the flight, with a ramp to zero or without
@@ -21,7 +21,7 @@ from heli3dof.rig.profile import Profile
 
 
 class SafetyMonitor(ABC):
-    """Base class of safety monitors, which judge every control period of one flight."""
+    """Base class of safety monitors, which check every control period of one flight."""
 
     order: ClassVar[int]
     """The loop calls the monitors in ascending ``order``; the first report ends the flight."""
@@ -38,10 +38,11 @@ class SafetyMonitor(ABC):
         return None
 
     def awaits_fall(self) -> bool:
-        """Return True if the arm must fall after the ramp, but its encoder shows no fall yet.
+        """Return True if roll still reads a constant angle above the table at zero volts.
 
-        Called after the ramp of a completed plan. While it returns True, the loop holds zero volts,
-        for `ramp_down.FALL_S` at most: the encoder may be dead.
+        Without thrust the arm falls, and a working roll encoder shows this. So the encoder may be
+        frozen. The loop calls the method after the final ramp to zero volts of a completed plan. It
+        keeps zero volts while a monitor returns True, but at most `ramp_down.FALL_S` seconds.
         """
         return False
 

@@ -22,21 +22,22 @@ rigs. The monitor then estimates F and C from the axis's own motion:
 * The unmodelled accelerations in upward and in downward motion differ by 2 F₀, whatever b is. F₀ is
   the axis's own friction. After half a second in each direction F = F_min + 3 |F₀|. The constant
   F_min (`F_MIN`) covers errors of F₀.
-* To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
-  of α after which the axis turned back.
+* To reverse its motion, an axis needs a change of α of at least 2 F₀. F is at most the
+  third-smallest change of α that preceded a reversal.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved.
   The stored deviation decays to 1/e in `PEAK_S` seconds.
-* Let s be the largest angle that the model turned during one standstill of the count, between two
-  reversals of the axis. C is at least twice the largest recent s, plus 3 counts.
+* The monitor notes how far the model turns each time that the count stays constant. Let s be the
+  largest of these angles since the axis last reversed its motion. S is the largest s so far; it
+  decays by 2 % at each reversal. C is at least 2 S plus 3 counts.
 
 A flight may begin while the arm still falls after the last flight. Then the observer does not know
 the arm's rate. The observer does not know the rate after a gap of samples, either. In the air, the
-monitor judges no axis until the observer has found the rate (`SETTLING`).
+monitor checks no encoder until the observer has found the rate (`SETTLING`).
 
-On the table, friction may hold pitch and yaw, so the monitor does not judge them there. It judges
-roll there only under a thrust that lifts every known rig. If the motors push an axis against its
-mechanical stop, the report names the stop, not the encoder. During the ramp to zero the monitor
-does not report such an axis.
+On the table, friction may hold pitch and yaw, so the monitor does not check their encoders there.
+It checks the roll encoder there only under a thrust that lifts every known rig. If the motors push
+an axis against its mechanical stop, the report names the stop, not the encoder. During the ramp to
+zero, the monitor does not report an axis at its stop.
 
 There was no false alarm in 10 h of emulated flight, half in hover and half in plan `rich`. The
 rigs' parameters differed by up to 15 % from the profile. Detection times are in
@@ -212,7 +213,7 @@ class _Axis:
         self._q, self._largest_f, self._f_min = q, largest_f, F_MIN[i]
         self._moving, self._rate_error = MOVING * q, RATE_ERROR[i] * q
         self._f_of_turns = largest_f
-        """rad/s²: upper limit of F from the changes of α after which the axis turned back"""
+        """rad/s²: upper limit of F from the changes of α that preceded a reversal of the axis"""
         self._peak = self._peak_now = 0.0
         """rad/s²: largest deviation of the unmodelled acceleration from b until the last change of
         the count (`_peak`), and since then (`_peak_now`)"""
@@ -228,7 +229,8 @@ class _Axis:
     def restart(self, count: int, angle: float) -> None:
         """Restart the observer at rest, at ``angle`` (rad) and encoder ``count``.
 
-        The estimates of the dry friction F and the clearance C do not change.
+        The estimates of the dry friction and of the clearance do not change. The clearance is the
+        angle that the axis may turn while a working encoder's count stays constant.
         """
         self._observer.restart(angle)
         self.count = count
@@ -240,7 +242,7 @@ class _Axis:
         self._begin_standstill()
 
     def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update the motion observer with a sample, without judging the encoder.
+        """Update the motion observer with a sample, without checking the encoder.
 
         ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``:
         the encoder's count; ``angle``: the encoder's angle in rad.
@@ -359,10 +361,11 @@ class _Axis:
         self._begin_standstill()
 
     def _turn(self, count: int) -> None:
-        """Update the limits of dry friction F and clearance C after the axis has turned back.
+        """Update the estimates of dry friction and clearance when the axis has reversed its motion.
 
-        It has turned back by two counts, to ``count``. One count would prove nothing, because a
-        limit cycle on one count may cause it.
+        The encoder has counted back by at least two counts, to ``count``. One count would not prove
+        a reversal, because a limit cycle on one count also causes it. The clearance is the angle
+        that the axis may turn while a working encoder's count stays constant.
         """
         if self._way and self._high >= self._low:
             change = self._high - self._low

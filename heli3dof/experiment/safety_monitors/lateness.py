@@ -8,9 +8,10 @@ The command-to-echo latency is the time from sending a command to the first samp
 busy host delays some commands; a slow link or device delays all of them. So the report blames the
 link or the device if the 10 % quantile of the latencies exceeds `SLOW_PERIODS` control periods.
 
-Each control period of the last ``late_max_share`` · 1 s, skipped ones included, contributes one
-value to this quantile: the latency of the command that was echoed last. A link that becomes slow
-ends the flight only after this time. So by then the quantile contains only values of the slow link.
+Let n be the largest number of late samples in a second that does not end the flight. The quantile
+is computed from n latencies, one for each of the last n control periods, skipped periods included.
+The latency of a period is that of the command that was echoed last. If a link becomes slow, the
+flight ends only after more than n late samples. By then the slow link has caused all n latencies.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from heli3dof.rig.trip import Trip
 WINDOW_S = 1.0
 """s of flight over which late periods are counted"""
 QUICKEST = 0.1
-"""Quantile of the command-to-echo latency by which the link is judged. A busy host is on time in
-more than this share of the periods; else the device's watchdog expires first"""
+"""Quantile of the command-to-echo latency that shows whether the link is slow. A busy host is on
+time in more than this share of the periods; else the device's watchdog expires first"""
 SLOW_PERIODS = 1.5
 """Periods: half-way between a command echoed by the next sample (1) and by the one after (2)"""
 

@@ -1,8 +1,8 @@
 """Finds the single wiring fault that explains how the rig moved before a safety trip.
 
 Each hypothesis H is one fault: an encoder counts the wrong way, the leads of the two motors are
-swapped, one motor does not pull, one motor turns the wrong way, or neither motor pulls. From the
-same voltages and angles, each hypothesis predicts other accelerations α_H(t)
+swapped, one motor turns the wrong way, or one or both motors give no thrust. From the same voltages
+and angles, each hypothesis predicts other accelerations α_H(t)
 (`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s before
 control was lost (the *window*, `WINDOWS_S`), the search fits to the measured angle
 
@@ -12,21 +12,24 @@ control was lost (the *window*, `WINDOWS_S`), the search fits to the measured an
 acceleration (friction, a wrong hover voltage). v is the mean squared residual plus q²/12, the
 variance of quantisation (q: rad per count); n is the number of independent residuals. The score of
 a hypothesis is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²), summed over the axes that moved.
-`wiring_fault` reports a fault only if its score exceeds the score of a rig without fault by `SURE`,
-and the score of every other fault that is not rejected (see below) by `DISTINCT`. If no fault
-satisfies this, the test is repeated on longer windows, up to 1.6 s.
-
-A motor may stop pulling at any time. Every other fault lasts the whole flight, so the earlier
-motion must agree with it. The search divides the motion before the window into parts of 0.4 s, and
-scores each part. It rejects a lasting fault in two cases:
+Before it compares the scores, the search rejects faults that contradict the earlier motion. A motor
+may lose its thrust at any time, but every other fault lasts the whole flight. So the search divides
+the motion before the window into parts of 0.4 s, and scores each part. It rejects a fault that
+lasts the whole flight in two cases:
 
 * The sum of its scores over the parts is more than `SURE` below the sum for a rig without fault.
 * Roll has read more than 2° above its angle on the table, and the fault makes this impossible. With
   a wrong roll sign, an arm above the table reads below it. With a motor that turns the wrong way,
   the two thrusts cancel, so the arm does not rise.
 
-The search reports no fault if a rejected fault explains the window far better: if its score is
-higher by `SURE` than the score of every other fault.
+Of the faults that are not rejected, `wiring_fault` reports the one with the highest score in the
+window if three conditions hold:
+
+* Its score exceeds the score of a rig without fault by more than `SURE`.
+* Its score exceeds the score of every other fault that is not rejected by more than `DISTINCT`.
+* No rejected fault has a score that exceeds its score by `SURE` or more.
+
+If a condition fails, the search repeats the test on longer windows, up to 1.6 s.
 
 The window ends before pitch reached its mechanical stop, and before the arm came down on the table,
 because these limit the motion. If an encoder froze in the air, the window ends at the last change
@@ -35,7 +38,8 @@ of its count, because the later angles are wrong.
 One fault needs no fit: if roll reads more than 2° below its angle on the table while both motors
 have positive voltages, the roll encoder counts the wrong way.
 
-Arguments: ``t`` (n,) in s, ``angle`` (n, 3) in rad and ``applied`` (n, 2) in V, as measured.
+The functions have the arguments ``t`` (n,) in s, ``angle`` (n, 3) in rad and ``applied`` (n, 2) in
+V: the times, angles and motor voltages of n samples, as measured.
 """
 
 from __future__ import annotations

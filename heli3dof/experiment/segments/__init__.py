@@ -127,9 +127,13 @@ class FreeSegment(BaseSegment):
 
     @property
     def approach_s(self) -> float:
-        """Return the time in s from the end of ``learn_s`` to the opening of the loop.
+        """Return how long the second of the segment's three phases takes, in s.
 
-        In this time the closed loop brings the axis to the state in which its free motion starts.
+        - Learn (`learn_s` seconds): the closed loop holds the axis. The controller measures the
+          mean of its voltages for this axis.
+        - Approach (this time): the closed loop brings the axis to the initial state of the free
+          motion.
+        - Free motion (`free_s` seconds): the loop of this axis is open.
         """
         raise NotImplementedError
 

@@ -1,9 +1,15 @@
 """``coast-down``: the controller spins yaw up, then lets it coast with the body level.
 
-    learn_s   in hover, the mean of the controller's voltages for yaw is measured
-    spin_s    the yaw reference moves at rate_deg_per_s
-    the rest  the mean voltages replace the controller's voltages for yaw, so pitch p → 0, and
-              friction slows yaw:  J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …
+    learn_s   in hover, the mean of the yaw feedback is measured
+    spin_s    the yaw reference moves at rate_deg_per_s, so yaw speeds up
+    the rest  the yaw loop is open, and friction slows yaw:
+
+              J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …
+
+The yaw feedback is the part of each motor's voltage (V) that the controller computes from the yaw
+error, the yaw rate and the integrated yaw error. This feedback tilts the body, because only a
+tilted thrust turns yaw. In the open loop, a constant replaces the feedback: its mean in hover. The
+pitch loop then levels the body, so the thrust no longer turns yaw.
 
 ψ is yaw (rad), J_yaw its inertia (kg·m²). Viscous friction c_ψ causes an exponential decay of the
 yaw rate, and Coulomb friction τ_ψ causes a linear decay. Drag causes a decay that is steepest at

@@ -1,9 +1,14 @@
 """``ring-down``: roll swings freely under the constant voltage that held it level.
 
-    learn_s    in level hover, the mean of the controller's voltages for roll is measured
+    learn_s    in level hover, the mean of the roll feedback is measured
     settle_s   the roll reference is displaced by displacement_deg
-    the rest   the mean voltages replace the controller's voltages for roll, so the thrust F is
-               constant:  J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …
+    the rest   the roll loop is open, so the thrust F is constant:
+
+               J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …
+
+The roll feedback is the part of each motor's voltage (V) that the controller computes from the roll
+error, the roll rate and the integrated roll error. In the open loop, a constant replaces the
+feedback: its mean in hover.
 
 F: sum of both thrusts (N); r, p: roll and pitch (rad); J_roll: inertia (kg·m²); L_a: yaw axis to
 body (m); T_g: gravity torque (N·m); k_r: pendulum stiffness (N·m/rad); c_r: viscous friction

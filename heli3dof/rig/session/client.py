@@ -26,7 +26,10 @@ CONNECT_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A session: a process of this user that uses a rig. The lock's holder file describes it."""
+    """A session: a process of the current user that has locked a rig and uses it.
+
+    The process writes these attributes, except ``lock``, to a file next to the lock's file.
+    """
 
     device: str
     """URL of the rig that the process opened"""
@@ -37,8 +40,11 @@ class Running:
     private: bool
     """True if the rig is emulated inside that process"""
     port: int
+    """TCP port of the session's socket on this computer"""
     key: str
+    """Secret that a request must contain"""
     lock: Path
+    """The lock's file"""
 
 
 def recorded_sessions(device: str | None = None) -> list[Running]:

@@ -1,15 +1,18 @@
 """Stops rigs now, whichever process holds them.
 
-    first                →  store the stop's time: no program started before it can arm the rig
-                            (`stop_stamp`)
-    running session      →  request the stop through its socket; the session confirms the stop
-    no answer in 200 ms  →  directly: the driver stops the device although a process holds it
-    no session           →  directly
+A session is a process that uses a rig. An emergency stop of one rig or of all rigs has three steps:
 
-A session is a process that uses a rig. All requests are sent before any answer is read, so a
-session that hangs delays no other. Then all rigs without a session are stopped in parallel: rigs
-that a driver finds, and rigs that were opened earlier. Nothing is sent to a port at which no rig is
-known (`heli3dof.rig.session.known_devices`), since another instrument may be there.
+1. Store the time of the stop (`stop_stamp`). If a program was started earlier than this time, it
+   cannot arm the rig any more.
+2. Send a stop request to the socket of each session of these rigs. The session stops its rig and
+   confirms this. If the session of a real rig does not answer within 200 ms, the rig's driver stops
+   the device, although the session's process holds it.
+3. If a rig has no session, its driver stops the device.
+
+All requests are sent before any answer is read, so a session that hangs does not delay another
+session's stop. A stop of all rigs includes the rigs that a driver finds and the rigs that were
+opened earlier; step 3 stops them in parallel. It sends nothing to a port at which no rig is known
+(`heli3dof.rig.session.known_devices`), since another instrument may be there.
 """
 
 from __future__ import annotations
@@ -146,7 +149,10 @@ def _directly(device: str, start: float) -> Stopped:
 
 @dataclass(frozen=True)
 class EstopResult:
-    """The result of an emergency stop: one result per rig, and the URLs that were left out."""
+    """The result of an emergency stop: one result per rig, and the URLs that got no stop request.
+
+    These URLs are ports at which no rig is known. Another instrument may be there.
+    """
 
     stopped: list[Stopped]
     unconfirmed: list[Stopped]

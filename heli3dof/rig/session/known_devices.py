@@ -79,7 +79,11 @@ def _place(url: DeviceUrl) -> str:
 
 
 def _lines() -> list[tuple[str, str, str]]:
-    """Return the stored lines (place, device URL, serial number); "" for a missing field."""
+    """Return the stored lines as tuples (place, device URL, serial number).
+
+    A place is the URL's scheme and the device's persistent name, separated by a space. A missing
+    field is "".
+    """
     try:
         text = _file().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

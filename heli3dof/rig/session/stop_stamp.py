@@ -20,8 +20,9 @@ a program: ``heli3dof``, a      when its process started, as the system reports 
 script                          ``run --auto``, or of a loop in a script, are one invocation
 a call in an interactive        when `command_began_ns` is called, at the beginning of a flight
 interpreter or a notebook
-a request to a server, a        when this program last called `start_command`
-window or a test run
+a request to a program that     when the program last called `start_command`
+carries out many requests: a
+server, a graphical program
 ==============================  ==================================================================
 
 The monotonic clock is common to all processes of a computer and is never set. After a restart of
@@ -48,9 +49,10 @@ _began_ns: int | None = None
 
 
 def start_command() -> None:
-    """State that a user's request begins now: earlier emergency stops do not forbid its flights.
+    """Store the present time as the start of a user's request to this program.
 
-    A program that carries out several requests, such as a server, calls this function for each.
+    An emergency stop before this time does not prevent the request's flights; a later stop does. A
+    program that carries out many requests, such as a server, calls this function for each request.
     """
     global _began_ns
     _began_ns = time.monotonic_ns()
