@@ -300,10 +300,14 @@ def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
     for cause in physical(d.in_order):
         name = cause.term.name
         if others := separable_by_flight(name, cause.tied_with):
+            plan = cause.term.effect.separated_by or "rich"
             return {
-                "plan": cause.term.effect.separated_by or "rich",
+                "plan": plan,
                 "separates": [name, *others],
-                "why": f"{name} and {', '.join(others)} fit this recording equally well",
+                "why": f"{name} and {', '.join(others)} fit this recording equally well. {plan} is "
+                f"the catalogue's plan for {name}; this diagnosis did not compare plans in "
+                "simulation (heli3dof diagnose without --quick does, and next_experiment in "
+                "Python)",
             }
     return None
 

@@ -257,13 +257,15 @@ class PlanForecast:
 
     ``margins``: evidence, as a difference of 2 ln L, for each simulated cause against the others
     (`planning.next_experiment`), or for each undecided parameter (`planning.free_run_plan`).
-    ``certainty``: probability that this evidence suffices for a decision.
+    ``certainty``: probability that this evidence suffices for a decision. ``scores``: evidence for
+    each simulated cause against the model without causes.
     """
 
     plan: str
     duration_s: float
     margins: tuple[float, ...]
     certainty: float
+    scores: tuple[float, ...] = ()
 
     @property
     def margin(self) -> float:

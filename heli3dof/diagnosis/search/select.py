@@ -160,13 +160,21 @@ def certainty(scores: Sequence[float]) -> float:
     return float(softmax(np.array(scores) / 2)[0])
 
 
+def least_difference(score: float) -> float:
+    """Return the least difference of two scores that is not due to chance or an inexact formula.
+
+    ``score``: the higher of the two scores. The error of the bias correction is not included.
+    """
+    return max(TIE, FORMULA_ERROR * score)
+
+
 def are_confounded(s: Screening, best: CandidateFit, other: CandidateFit) -> bool:
     """Return whether the recordings cannot distinguish two candidates (see the module).
 
     ``best`` is the candidate with the higher score.
     """
     difference, score = best.score - other.score, max(best.score, 0.0)
-    margin = max(TIE, FORMULA_ERROR * score)
+    margin = least_difference(score)
     a, b = best.probe, other.probe
     if a is not None and b is not None and max(a, b) < len(s.screen.plain):
         rho, nulls = min(abs(s.screen.correlation(a, b)), 1.0), s.nulls
