@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.arrays import FloatArray
@@ -169,6 +169,7 @@ class Diagnosis(Result):
     fitted: Fitted | None = None
     """None if the recordings are faulty"""
     findings: tuple[Finding, ...] = ()
+    """Causes in the order of selection; `in_order` sorts them by their gain"""
     calibration_findings: tuple[OffNominal, ...] = ()
     """Base parameters that differ from nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
@@ -233,17 +234,25 @@ class Diagnosis(Result):
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes: the findings in the order of selection, then faults of the recordings.
+    """Return all causes, strongest first: the findings by their gain, then faults of recordings.
 
-    ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
-    inserted before the first finding with a lower score. The faults are last: the fit allows for
-    lost samples and jitter, so they explain little error.
+    The gain is the increase of the log-likelihood of held-out data. Findings without this gain are
+    last, in the order of ``findings``. ``off``: base parameters (thrust gain, trim torque,
+    inertias) that differ from nominal. Each is inserted before the first finding with a lower
+    score. The faults are last: the fit allows for lost samples and jitter, so they explain little
+    error.
     """
-    out: list[Finding | OffNominal] = list(findings)
+    by_gain = sorted(findings, key=lambda f: -_held_out_gain(f))
+    out: list[Finding | OffNominal] = [*by_gain]
     for o in sorted(off, key=lambda o: o.score):
         weaker = (k for k, f in enumerate(out) if f.score < o.score)
         out.insert(next(weaker, len(out)), o)
     return (*out, *faults)
+
+
+def _held_out_gain(f: Finding) -> float:
+    won = f.gain.log_likelihood
+    return -inf if won is None else won.value
 
 
 def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:
