@@ -237,13 +237,21 @@ def in_order(
     """Return all causes, strongest first: the findings by their gain, then faults of recordings.
 
     The gain is the increase of the log-likelihood of held-out data. Findings without this gain are
-    last, in the order of ``findings``. ``off``: base parameters (thrust gain, trim torque,
-    inertias) that differ from nominal. Each is inserted before the first finding with a lower
-    score. The faults are last: the fit allows for lost samples and jitter, so they explain little
-    error.
+    last, in the order of ``findings``. The other causes are placed as in `in_order_of_selection`.
     """
-    by_gain = sorted(findings, key=lambda f: -_held_out_gain(f))
-    out: list[Finding | OffNominal] = [*by_gain]
+    return in_order_of_selection(faults, sorted(findings, key=lambda f: -_held_out_gain(f)), off)
+
+
+def in_order_of_selection(
+    faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
+) -> tuple[Fault | Finding | OffNominal, ...]:
+    """Return all causes: the ``findings`` in the given order, then faults of the recordings.
+
+    ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
+    inserted before the first finding with a lower score. The faults are last: the fit allows for
+    lost samples and jitter, so they explain little error.
+    """
+    out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
         weaker = (k for k, f in enumerate(out) if f.score < o.score)
         out.insert(next(weaker, len(out)), o)

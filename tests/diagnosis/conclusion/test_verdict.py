@@ -20,6 +20,7 @@ from heli3dof.diagnosis.result import (
     Fitted,
     UnexplainedError,
     in_order,
+    in_order_of_selection,
 )
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
@@ -190,6 +191,14 @@ def test_the_document_has_the_finding_with_the_largest_gain_first() -> None:
     d = Diagnosis(("a",), (), "explained", (), findings=(first, second))
     found = diagnosis_document(d)["findings"]
     assert [f["effect"] for f in found] == ["motor.delay", "motor.lag"]
+
+
+def test_a_stronger_second_cause_does_not_hide_that_the_first_is_confounded() -> None:
+    first = replace(finding("motor.delay"), gain=gained(86.0))
+    pendulum = replace(first.choice, term=terms(["stiffness.pendulum.roll"])[0], tied_with=())
+    second = Finding(pendulum, {}, gained(117.0), np.zeros(4))
+    assert in_order([], [first, second], []) == (second, first)
+    assert verdict_of(in_order_of_selection([], [first, second], []), []) == "ambiguous"
 
 
 def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> None:
