@@ -6,6 +6,9 @@ require that a linear correction removes the bias of the score test
 correction. The bias of a candidate is z̄, the mean of its score z over null simulations, which
 contain no effect (`search.nulls`). κ is the variance inflation of the scores in these simulations.
 If |z̄|/√κ > `SIGMAS_997` for one of the candidates to compare (rivals), this test decides instead.
+It also decides if rivals are confounded only because of ε, the error of the bias correction
+(`search.select`): the test does not use this correction. Few null simulations estimate z̄ roughly.
+So without this rule, their random seed might decide between a named cause and an ambiguous one.
 
 Each rival is fitted (`bias_correction.correction`), and B flights are simulated from each fit. For
 the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their log-likelihoods for the recordings.
@@ -57,7 +60,8 @@ MIN_STD = 1.0
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     """Return the candidates to compare by simulated flights, the chosen cause first.
 
-    The list is empty if the bias of all their scores is small enough to rank them by these scores.
+    The list is empty if the bias of all their scores is small enough to rank them by these scores,
+    and no tie is within the error of the bias correction.
     Terms that the score test cannot detect are left out, because they have no such bias.
     """
     best = choice.candidates[0]
@@ -68,7 +72,7 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     close = sorted((c for c in others if least < c.statistic), key=lambda c: -c.statistic)
     compared = [best, *close[: MAX_COMPARED - 1]]
     is_biased = any(bias > SIGMAS_997 for bias in relative_bias(nulls, compared))
-    return compared if close and is_biased else []
+    return compared if close and (is_biased or choice.within_bias_error) else []
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:

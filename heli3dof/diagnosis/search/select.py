@@ -76,6 +76,8 @@ class Choice:
     """Threshold of Z², from null simulations (`search.nulls`)"""
     by_flights: bool = False
     """True if simulated flights of rivals (`search.rivals`), not scores, decided the choice"""
+    within_bias_error: bool = False
+    """True if a cause is confounded with the chosen one only because of ε (see the module)"""
 
 
 Cause = TypeVar("Cause", Choice, OffNominal)
@@ -144,7 +146,10 @@ def best_choice(
     # The probability that the cause is the chosen one or one confounded with it.
     apart = [f.score for f in below if f not in close]
     probability = min(nulls.confidence(best.statistic), certainty([best.score, *apart, 0.0]))
-    return Choice(best.term, best.score, probability, confounded, tuple(fits), nulls.threshold)
+    return Choice(
+        best.term, best.score, probability, confounded, tuple(fits), nulls.threshold,
+        within_bias_error=any(not are_confounded(s, best, f, bias_error=False) for f in close),
+    )  # fmt: skip
 
 
 def certainty(scores: Sequence[float]) -> float:
@@ -168,10 +173,12 @@ def least_difference(score: float) -> float:
     return max(TIE, FORMULA_ERROR * score)
 
 
-def are_confounded(s: Screening, best: CandidateFit, other: CandidateFit) -> bool:
+def are_confounded(
+    s: Screening, best: CandidateFit, other: CandidateFit, *, bias_error: bool = True
+) -> bool:
     """Return whether the recordings cannot distinguish two candidates (see the module).
 
-    ``best`` is the candidate with the higher score.
+    ``best`` is the candidate with the higher score. Without ``bias_error``, ε counts as 0.
     """
     difference, score = best.score - other.score, max(best.score, 0.0)
     margin = least_difference(score)
@@ -181,5 +188,5 @@ def are_confounded(s: Screening, best: CandidateFit, other: CandidateFit) -> boo
         difference = min(difference, (1 - rho**2) * score)
         drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
         error = np.hypot(drift, nulls.flights**-0.5 if nulls.flights else 0.0)
-        margin += 2 * np.sqrt(score) * error * np.sqrt(2 * (1 - rho))
+        margin += bias_error * 2 * np.sqrt(score) * error * np.sqrt(2 * (1 - rho))
     return bool(difference < margin)
