@@ -101,9 +101,6 @@ def diagnose(
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)
     document = to_document(result, written, upcoming)
-    if (ids := _exercise_ids([*train, *test])) is not None:
-        document["about"]["exercises"] = ids
-    document["about"] |= rig_to_fly([*train, *test])
     show_diagnosis(out, document, verbose=verbose)
     if written is not None:
         out.note(f"Model: {written}")
@@ -116,33 +113,6 @@ def diagnose(
     out.emit(document)
     if result.verdict == "bad_data":
         _end_with_bad_data(out, document)
-
-
-def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
-    """Return ``device`` (a URL) and ``profile`` (a file) for a further flight of this rig.
-
-    The dict has no entry for an unknown device, nor for the default profile.
-    """
-    from heli3dof.recording.provenance import profile_file
-    from heli3dof.rig.url import url_of_next_flight
-
-    url = url_of_next_flight({str(r.meta.get("device") or "") for r in recordings})
-    entries = {"device": url, "profile": profile_file(recordings)}
-    return {key: value for key, value in entries.items() if value}
-
-
-def _exercise_ids(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return the id of each recording's exercise; None if no recording is of an exercise.
-
-    An exercise is a rig with hidden effects, for students. The id is None for any other rig.
-    """
-    from heli3dof.rig.sealed_rig import exercise_of
-
-    identities = [r.meta.get("identity") for r in recordings]
-    ids = [
-        exercise_of(str(i.get("serial"))) if isinstance(i, Mapping) else None for i in identities
-    ]
-    return ids if any(ids) else None
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:

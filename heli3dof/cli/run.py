@@ -163,7 +163,7 @@ def _fly_auto(
 
 def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
     """Write model and report, print the diagnosis; return the JSON document of ``run --auto``."""
-    from heli3dof.cli.diagnose import rig_to_fly, show_diagnosis
+    from heli3dof.cli.diagnose import show_diagnosis
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.model.model_file import save_model
     from heli3dof.report.pages.flight_report import diagnosis_page
@@ -174,7 +174,6 @@ def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
     if diagnosis.fitted is not None:
         model = str(save_model(diagnosis.fitted.model, folder / "extended.json"))
     document = to_document(diagnosis, model, result.next_experiment)
-    document["about"] |= rig_to_fly(result.recordings)
     out.show(f"Ended: {result.ended}.")
     show_diagnosis(out, document)
     title = f"Diagnosis: {folder.name}"

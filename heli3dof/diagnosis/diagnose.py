@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted, fitted
@@ -66,6 +66,7 @@ from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
 from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
+from heli3dof.recording.provenance import exercise_ids, rig_to_fly
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.same_rig import check_same_rig
 from heli3dof.stage_clock import Progress, StageClock
@@ -121,7 +122,14 @@ def diagnose(
     check_distinct(train, held)
     clock = StageClock(progress)
     with report_progress(clock.counts):
-        return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
+        found = _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
+    return replace(found, about={**found.about, **_rig([*train, *held])})
+
+
+def _rig(recordings: Sequence[Recording]) -> dict[str, Any]:
+    """Return the entries of `Diagnosis.about` that identify the rig: exercises, device, profile."""
+    ids = exercise_ids(recordings)
+    return {**({} if ids is None else {"exercises": ids}), **rig_to_fly(recordings)}
 
 
 def _diagnosed(

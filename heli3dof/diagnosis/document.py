@@ -23,6 +23,7 @@ from heli3dof.diagnosis.result import (
     NextExperiment,
     TorqueTerm,
     UnexplainedError,
+    in_order_of_selection,
     physical,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -329,13 +330,17 @@ def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
     The plan is the attribute ``separated_by`` of the cause's effect, or "rich" if this attribute is
     empty. The result is None if there is no such cause.
     """
-    for cause in physical(d.in_order):
+    for cause in physical(in_order_of_selection(d.faults, d.findings, d.calibration_findings)):
         name = cause.term.name
         if others := separable_by_flight(name, cause.tied_with):
+            plan = cause.term.effect.separated_by or "rich"
             return {
-                "plan": cause.term.effect.separated_by or "rich",
+                "plan": plan,
                 "separates": [name, *others],
-                "why": f"{name} and {', '.join(others)} fit this recording equally well",
+                "why": f"{name} and {', '.join(others)} fit this recording equally well. {plan} is "
+                f"the catalogue's plan for {name}; this diagnosis did not compare plans in "
+                "simulation (heli3dof diagnose without --quick does, and next_experiment in "
+                "Python)",
             }
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.arrays import FloatArray
@@ -172,6 +172,7 @@ class Diagnosis(Result):
     fitted: Fitted | None = None
     """None if the recordings are faulty"""
     findings: tuple[Finding, ...] = ()
+    """Causes in the order of selection; `in_order` sorts them by their gain"""
     calibration_findings: tuple[OffNominal, ...] = ()
     """Base parameters that differ from nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
@@ -236,7 +237,18 @@ class Diagnosis(Result):
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes: the findings in the order of selection, then faults of the recordings.
+    """Return all causes, strongest first: the findings by their gain, then faults of recordings.
+
+    The gain is the increase of the log-likelihood of held-out data. Findings without this gain are
+    last, in the order of ``findings``. The other causes are placed as in `in_order_of_selection`.
+    """
+    return in_order_of_selection(faults, sorted(findings, key=lambda f: -_held_out_gain(f)), off)
+
+
+def in_order_of_selection(
+    faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
+) -> tuple[Fault | Finding | OffNominal, ...]:
+    """Return all causes: the ``findings`` in the given order, then faults of the recordings.
 
     ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
     inserted before the first finding with a lower score. The faults are last: the fit allows for
@@ -247,6 +259,11 @@ def in_order(
         weaker = (k for k, f in enumerate(out) if f.score < o.score)
         out.insert(next(weaker, len(out)), o)
     return (*out, *faults)
+
+
+def _held_out_gain(f: Finding) -> float:
+    won = f.gain.log_likelihood
+    return -inf if won is None else won.value
 
 
 def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:
@@ -260,13 +277,15 @@ class PlanForecast:
 
     ``margins``: evidence, as a difference of 2 ln L, for each simulated cause against the others
     (`planning.next_experiment`), or for each undecided parameter (`planning.free_run_plan`).
-    ``certainty``: probability that this evidence suffices for a decision.
+    ``certainty``: probability that this evidence suffices for a decision. ``scores``: evidence for
+    each simulated cause against the model without causes.
     """
 
     plan: str
     duration_s: float
     margins: tuple[float, ...]
     certainty: float
+    scores: tuple[float, ...] = ()
 
     @property
     def margin(self) -> float:

@@ -89,6 +89,32 @@ def profile_file(recordings: Sequence[Recording]) -> str | None:
     return str(files[0]) if files and all(files) else "PROFILE.toml"
 
 
+def rig_to_fly(recordings: Sequence[Recording]) -> dict[str, str]:
+    """Return ``device`` (a URL) and ``profile`` (a file) for a further flight of this rig.
+
+    The dict has no entry for an unknown device, nor for the default profile.
+    """
+    from heli3dof.rig.url import url_of_next_flight
+
+    url = url_of_next_flight({str(r.meta.get("device") or "") for r in recordings})
+    entries = {"device": url, "profile": profile_file(recordings)}
+    return {key: value for key, value in entries.items() if value}
+
+
+def exercise_ids(recordings: Sequence[Recording]) -> list[str | None] | None:
+    """Return the id of each recording's exercise; None if no recording is of an exercise.
+
+    An exercise is a rig with hidden effects, for students. The id is None for any other rig.
+    """
+    from heli3dof.rig.sealed_rig import exercise_of
+
+    identities = [r.meta.get("identity") for r in recordings]
+    ids = [
+        exercise_of(str(i.get("serial"))) if isinstance(i, Mapping) else None for i in identities
+    ]
+    return ids if any(ids) else None
+
+
 def run_command(plan: str, device: str | None, profile: str | None) -> str:
     """Return the command that flies a ``plan`` on a rig; ``device`` is a URL, ``profile`` a file.
 

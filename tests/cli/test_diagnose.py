@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.cli.diagnose import rig_to_fly
 from heli3dof.cli.inputs import load_all
 from heli3dof.cli.output import Output
 from heli3dof.diagnosis import diagnose as module
@@ -18,6 +17,7 @@ from heli3dof.experiment.plan import step_plan
 from heli3dof.paper.models import load_model
 from heli3dof.recording.logs.export import export
 from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.provenance import rig_to_fly
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Result, heli3dof

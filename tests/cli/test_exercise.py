@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from heli3dof.cli.diagnose import _exercise_ids
 from heli3dof.cli.exercise import _holdout, _table
 from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.provenance import exercise_ids
 from tests.cli.running import Result, heli3dof
 from tests.exercise.making import EXERCISE, diagnosis, key_file
 
@@ -58,8 +58,8 @@ def test_the_whole_round(lab: Class) -> None:
     assert lab.fly().code == 0
     recording = read_recording(lab.flight)
     exercise = lab.made.document["exercise"]
-    assert _exercise_ids([recording, replace(recording, meta={})]) == [exercise, None]
-    assert _exercise_ids([replace(recording, meta={})]) is None
+    assert exercise_ids([recording, replace(recording, meta={})]) == [exercise, None]
+    assert exercise_ids([replace(recording, meta={})]) is None
 
     (hidden,) = lab.truth["causes"]
     value = next(iter(hidden["parameters"].values()))

@@ -14,7 +14,7 @@ import pytest
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.result import Dropped
+from heli3dof.diagnosis.result import Diagnosis, Dropped
 from heli3dof.experiment.plan import Plan, step_plan
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
@@ -96,3 +96,18 @@ def test_a_slow_torque_is_found_with_an_identified_controller() -> None:
     assert cause.term.name == "bias.torque.pitch"
     assert cause.values["torque_Nm"][0] == pytest.approx(0.03, rel=0.1)
     assert result.about["nulls"] == "simulated"
+
+
+def test_the_document_names_the_rig_of_the_next_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the device, the printed command would fly another rig."""
+    found = Diagnosis(("a",), (), "nothing_found", (), about={"seed": 3})
+    monkeypatch.setattr(module, "_diagnosed", lambda *args, **options: found)
+    r = replace(
+        flown("steps", 3.0, device="mock:?speed=max"),
+        meta={"device": "mock:?seed=3", "identity": {"serial": "ex-0123456789ab"}},
+    )
+    result = diagnose(r)
+    assert result.to_dict()["about"] == {
+        "seed": 3, "device": "mock:?seed=4", "exercises": ["0123456789ab"]
+    }  # fmt: skip
+    assert "heli3dof run large --device 'mock:?seed=4'" in result.summary()

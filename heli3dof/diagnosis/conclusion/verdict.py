@@ -17,6 +17,7 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
     UnexplainedError,
+    in_order_of_selection,
     physical,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -45,7 +46,7 @@ def conclude(
         rest_rad=rest_rad, tolerance=tolerance,
     )  # fmt: skip
     d = replace(d, findings=findings, calibration_findings=off)
-    causes = d.in_order
+    causes = in_order_of_selection(d.faults, findings, off)
     remaining = remainders(fitted, causes, d.slow_noise)
     undetectable = undetectable_scales(
         confounded_names(causes), axes,
@@ -83,7 +84,8 @@ def verdict_of(
         explained           there is a fault of a recording, such as sampling jitter
         nothing_found       otherwise
 
-    ``findings``: all causes, most important first (`result.in_order`). Physical causes are
+    ``findings``: all causes (`result.in_order_of_selection`). The causes selected later depend on
+    the first, so its ambiguity makes the whole diagnosis ambiguous. Physical causes are
     properties of the rig. ``unexplained``: residual torques, and prediction errors that the causes
     do not explain. ``refit``: decrease of the prediction errors if the profile's base parameters
     are replaced by fitted values.

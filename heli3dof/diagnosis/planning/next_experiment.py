@@ -1,39 +1,42 @@
 """Recommend the plan that separates confounded causes in the shortest time.
 
 Causes are confounded if they explain the recordings almost equally well. A plan separates them if
-a flight of it shows which cause the rig has. To predict this, each plan is simulated once for each
-cause i: in closed loop with noise and encoders, on a model that contains cause i. The plan is also
-simulated on the base model, which contains none of these causes. The size of a cause is its
-estimate or, without an estimate, a typical value.
+a diagnosis of its flight shows which cause the rig has. To predict this, `FLIGHTS` flights of each
+plan are simulated for each cause i: in closed loop with noise and encoders, on the model with cause
+i as fitted to the recordings. A cause without a fit has a typical size, in the base model.
 
-The score test (`search.score_test`) computes a statistic of each cause j for each flight. z_j is
-the statistic in the flight with cause i, minus the statistic in the flight without causes. z_j² is
-about twice the increase in log-likelihood that cause j gives to the model. If the test evaluates a
-cause at several sizes, its largest z_j² counts. So cause i is expected to be ahead of the best
-other cause by the margin
+Each simulated flight is fitted as in a diagnosis (`search.candidate_fits`), but only with the base
+model (0) and with the base model plus each cause k. ℓ_0 and ℓ_k are the maxima of the
+log-likelihood, m_k is the number of parameters of cause k, and N the number of filter updates:
 
-    m_i = z_i² − max_{j≠i} z_j²,        m_i = z_i² if there is no other cause
+    S_0 = 0,      S_k = 2 (ℓ_k − ℓ_0) − m_k ln N,      M_i = S_i − max_{k≠i} S_k
 
-The margin of the plan is the smallest m_i. Plans are ranked by margin/duration.
+The margin M_i and the score S_i are means over the flights with cause i. The diagnosis accepts
+differences below `select.least_difference` as chance, so the flight decides if M_i exceeds
+max(`TIE`, `FORMULA_ERROR` S_i). The margin of the plan is the smallest M_i. Plans are ranked by
 
-On a real flight, the margin varies at random. For two causes of known sizes, it is normal with the
-mean m_i and the variance 4 m_i. The flight decides in favour of cause i if the margin exceeds
-`TIE`. The certainty is the probability of this decision, averaged over the causes:
+    min_i (M_i − `FORMULA_ERROR` S_i)/duration
 
-    certainty = mean_i Φ((m_i − TIE) / (2 √m_i)),        Φ counts as 0 if m_i ≤ 0
+For two causes of known sizes, the margin of one flight is normal with the mean M_i and the variance
+4 M_i. The mean of B = `FLIGHTS` flights has the variance 4 M_i/B. So n flights of the plan decide
+with the probability
+
+    P_i(n) = Φ((n M_i − max(TIE, n FORMULA_ERROR S_i)) / (2 √(n M_i + n² M_i/B))),      0 if M_i ≤ 0
+
+The certainty of the plan is the smallest P_i(1). It holds whichever of the causes the rig has.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
-from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
+from heli3dof.diagnosis.constants import MAX_CAUSES
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import (
     RenderedPlan,
@@ -50,19 +53,64 @@ from heli3dof.diagnosis.result import (
     PlanForecast,
     percent,
 )
-from heli3dof.diagnosis.search.candidate_fits import CandidateFit, with_term_at
-from heli3dof.diagnosis.search.catalogue import Probe, probes
-from heli3dof.diagnosis.search.score_test import Screen
+from heli3dof.diagnosis.search.candidate_fits import (
+    CandidateFit,
+    bic_penalty,
+    fit_start,
+    with_term_at,
+)
+from heli3dof.diagnosis.search.catalogue import Probe
+from heli3dof.diagnosis.search.select import FORMULA_ERROR, least_difference
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import model_at
-from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.identification.row_selection import usable_runs
-from heli3dof.model.effects import term
-from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.effects import Term, term
+from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
+
+FLIGHTS = 2
+"""Simulated flights of each plan for each cause. Each costs a fit of each cause. Chosen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A model with one cause, or without: its likelihood, its parameters and its noise."""
+
+    problem: Likelihood
+    theta: np.ndarray
+    """(n,) scaled parameters"""
+    noise: np.ndarray
+    """(4,) process noise of three axes, jitter"""
+    term: Term | None = None
+    """The cause"""
+
+    @property
+    def model(self) -> GreyBoxModel:
+        return model_at(self.problem, self.theta, self.noise)
+
+    def fit(self, data: Data) -> Optimum:
+        """Return the fit of this model to ``data``, searched from its parameters and noise."""
+        problem, theta, noise = replace(self.problem, data=data), self.theta, self.noise
+        if self.term is not None and self.term.effect.starts:
+            n = len(theta) - len(self.term.effect.parameters)
+            theta, noise = fit_start(problem, theta[:n], noise, self.term)
+        return maximise_corrected(problem, theta, noise, None)
+
+
+def hypothesis(base: Estimate, cause: Probe | CandidateFit) -> Hypothesis:
+    """Return the model with a cause: the fit of the cause, or ``base`` with its trial values."""
+    o = base.optimum
+    if isinstance(cause, CandidateFit):
+        o = cause.optimum
+        return Hypothesis(cause.problem, o.theta, o.noise, cause.term)
+    problem, theta = with_term_at(base.problem, o.theta, cause.term, cause.values)
+    return Hypothesis(problem, theta, o.noise, cause.term)
 
 
 def fitted_cause(candidate: CandidateFit) -> Probe:
@@ -92,46 +140,43 @@ def typical_cause(name: str) -> Probe:
 
 def recommend(
     base: Estimate,
-    causes: Sequence[Probe],
+    causes: Sequence[Probe | CandidateFit],
     *,
     plans: Sequence[str] | None = None,
     seed: int = 0,
 ) -> NextExperiment:
     """Return the plan that separates the ``causes`` in the shortest time.
 
-    ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
-    Each plan is simulated on the model of ``base``, and on this model with each cause added. Raises
+    ``base``: a fit without these causes. Each cause is a fit that adds it to this model, or trial
+    values of its parameters. ``plans``: names of the plans to compare; by default all. Raises
     UsageError if no plan stays inside the safety envelope on all models, or if the controller does
     not stabilise one of them.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
-    V = base.problem.data.V
-    groups = [[*probes(c.term, V), c] for c in causes]
-    profile = base.structure.profile
-    o = base.optimum
-    with_causes = (with_term_at(base.problem, o.theta, c.term, c.values) for c in causes)
-    models = [model_at(*x, o.noise) for x in ((base.problem, o.theta), *with_causes)]
+    profile, o = base.structure.profile, base.optimum
+    without = Hypothesis(base.problem, o.theta, o.noise)
+    with_cause = [hypothesis(base, c) for c in causes]
     rendered = []
-    if all(map(is_stable, models)):
+    if all(is_stable(h.model) for h in (without, *with_cause)):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         every = (rendered_plan(plan, profile, seed) for plan in loaded)
         rendered = [p for p in every if p is not None]
-    forecasts = _forecasts(base, rendered, models, groups)
+    forecasts = _forecasts(rendered, without, with_cause)
     if not forecasts:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
             cause="every plan leaves the envelope of this profile on at least one of the models.",
             fix="widen [limits] in the profile, or write a gentler plan",
         )
-    ranking = tuple(sorted(forecasts, key=lambda f: -f.margin / f.duration_s))
+    ranking = tuple(sorted(forecasts, key=lambda f: -_beyond_formula_error(f) / f.duration_s))
     best = ranking[0]
     return NextExperiment(
         best.plan, tuple(names), _why(best, names), round(best.certainty, 3), ranking
     )
 
 
-def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
+def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperiment | None:
     """Return the flight plan that should answer an open question of the diagnosis ``found``.
 
     The function takes the first question in this list that is open:
@@ -147,7 +192,12 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     another cause. The result is None if no question is open, or if no plan is feasible. For
     questions 3 and 4, it is also None if a flight of the plan would decide with a probability below
     `MIN_CERTAINTY`.
+
+    ``seed``: random seed of the simulated flights; by default that of the diagnosis. So
+    ``heli3dof diagnose`` and ``run_auto`` recommend the same plan for the same diagnosis.
     """
+    if seed is None:
+        seed = int(found.about.get("seed", 0))
     if found.fitted is not None and found.fitted.open is not None:
         return next_free_flight(found.fitted.open, found.fitted.model, seed=seed)
     if found.fitted is None or found.fitted.base is None:
@@ -158,7 +208,7 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
             best, *others = finding.choice.candidates
             if names := separable_by_flight(finding.term.name, finding.tied_with):
                 tied = [c for c in others if c.term.name in names]
-                return recommend(base, [fitted_cause(c) for c in (best, *tied)], seed=seed)
+                return recommend(base, [best, *tied], seed=seed)
             base = Estimate(best.problem, best.optimum)
         known = f"which fits these recordings better, but {DOES_NOT_PAY}"
         open_ = [
@@ -192,7 +242,7 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
         return (
             f"no plan separates {what} well. In simulation, {seconds} of this plan do so by a "
             f"margin of {best.margin:.0f}, more than any other plan. "
-            + flights_needed(lambda flights: _probability_decided(flights * best.margin))
+            + flights_needed(lambda flights: _certainty(best, flights))
         )
     return (
         f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f} "
@@ -200,68 +250,82 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
     )
 
 
-def _probability_decided(margin: float) -> float:
-    """Return the probability that a flight decides between causes: P(X > `TIE`).
+def _certainty(f: PlanForecast, flights: int = 1) -> float:
+    """Return the least probability over the causes that some flights of a plan decide."""
+    pairs = zip(f.margins, f.scores, strict=True)
+    return min(_probability_decided(m, score, flights) for m, score in pairs)
 
-    X ~ N(m, 4 m) is the evidence for the true cause against the best other cause, in units of
-    2 ln L (L: likelihood). m = ``margin`` is its expected value; for m ≤ 0 the result is 0.
+
+def _probability_decided(margin: float, score: float, flights: int = 1) -> float:
+    """Return P(n), the probability that n flights decide between causes (see the module).
+
+    ``margin`` and ``score``: expected values M and S for one flight with the true cause. They are
+    means of `FLIGHTS` simulated flights.
 
     >>> p = _probability_decided
-    >>> p(6.0), round(p(30.0), 3), p(-1.0)
-    (0.5, 0.986, 0.0)
+    >>> p(6.0, 50.0), round(p(30.0, 50.0), 3), p(-1.0, 50.0)
+    (0.5, 0.963, 0.0)
+    >>> round(p(0.3, 0.3, 20), 2), p(30.0, 1000.0, 20)
+    (0.5, 0.5)
     """
-    return 1 - NormalDist(margin, 2 * math.sqrt(margin)).cdf(TIE) if margin > 0 else 0.0
+    if margin <= 0:
+        return 0.0
+    m = flights * margin
+    std = 2 * math.sqrt(m + flights * m / FLIGHTS)
+    return 1 - NormalDist(m, std).cdf(least_difference(flights * score))
+
+
+def _beyond_formula_error(f: PlanForecast) -> float:
+    """Return the smallest margin of a plan beyond what inexact formulas of effects may cause."""
+    return min(m - FORMULA_ERROR * s for m, s in zip(f.margins, f.scores, strict=True))
 
 
 def _forecasts(
-    base: Estimate,
-    plans: Sequence[RenderedPlan],
-    models: Sequence[GreyBoxModel],
-    groups: Sequence[Sequence[Probe]],
+    plans: Sequence[RenderedPlan], without: Hypothesis, with_cause: Sequence[Hypothesis]
 ) -> list[PlanForecast]:
     """Return, for each feasible plan, how well it is expected to separate the causes.
 
-    ``models``: the base model without the causes, then one model for each cause, which contains it.
-    A plan is feasible if its simulated flight stays inside the safety envelope on each model.
-    ``groups``: for each cause, the trial sizes at which the score test evaluates it.
+    ``without``: the base model, without the causes. ``with_cause``: one model for each cause. A
+    plan is feasible if its simulated flights stay inside the safety envelope on each model.
     """
-    n, flat = len(models), [p for group in groups for p in group]
-    starts = np.cumsum([0, *map(len, groups[:-1])])
-    z = parallel_map(lambda k: _scores(base, plans[k // n], models[k % n], flat), n * len(plans))
+    models = [without.model, *(h.model for h in with_cause)]
+    numbers = [(0, 0), *((i + 1, b) for i in range(len(with_cause)) for b in range(FLIGHTS))]
+
+    def scores(index: int) -> np.ndarray | None:
+        p, (model, flight) = plans[index // len(numbers)], numbers[index % len(numbers)]
+        flown = simulated_plan(p, models[model], flight)
+        if flown is None or not (runs := usable_runs(flown, 0)):
+            return None
+        return _scores(data_of([flown], runs), without, with_cause) if model else np.zeros(1)
+
+    every = parallel_map(scores, len(numbers) * len(plans), what="flights")
     out = []
-    for i, p in enumerate(plans):
-        scores = [x for x in z[n * i : n * (i + 1)] if x is not None]
-        if len(scores) == n:
-            without, *with_cause = scores
-            margins = tuple(_margin(x - without, j, starts) for j, x in enumerate(with_cause))
-            certainty = float(np.mean([_probability_decided(m) for m in margins]))
-            out.append(PlanForecast(p.plan.name, p.plan.duration_s, margins, certainty))
+    for k, p in enumerate(plans):
+        S = [x for x in every[k * len(numbers) : (k + 1) * len(numbers)] if x is not None]
+        if len(S) == len(numbers):
+            by_cause = np.reshape(S[1:], (len(with_cause), FLIGHTS, len(with_cause) + 1))
+            margins = tuple(
+                float(np.mean(x[:, i] - np.delete(x, i, axis=1).max(axis=1)))
+                for i, x in enumerate(by_cause)
+            )
+            own = tuple(float(x[:, i].mean()) for i, x in enumerate(by_cause))
+            f = PlanForecast(p.plan.name, p.plan.duration_s, margins, 0.0, own)
+            out.append(replace(f, certainty=_certainty(f)))
     return out
 
 
-def _scores(
-    base: Estimate, plan: RenderedPlan, model: GreyBoxModel, probes: Sequence[Probe]
-) -> np.ndarray | None:
-    """Return the score-test statistics z (P,) of P trial effects ``probes`` for a simulated flight.
+def _scores(data: Data, without: Hypothesis, with_cause: Sequence[Hypothesis]) -> np.ndarray | None:
+    """Return the scores S (K + 1,) of K causes, and 0 for the model without, for a flight.
 
-    The flight of ``plan`` is simulated on ``model``. The null hypothesis of the test is the model
-    of the fit ``base``, with the fitted parameters: the rig has none of the trial effects. The
-    result is None if the flight leaves the safety envelope or has no usable rows.
+    ``data``: the simulated flight. ``without``: the model without a cause. The result is None if a
+    fit diverges.
     """
-    flight = simulated_plan(plan, model)
-    if flight is None or not (runs := usable_runs(flight, 0)):
-        return None
-    problem = replace(base.problem, data=data_of([flight], runs))
-    optimum = base.optimum
-    evaluation = evaluate(problem, optimum.theta, optimum.noise, with_noise_derivatives=False)
-    return Screen(problem, optimum.theta, evaluation, probes).score(evaluation, prior=False).z
-
-
-def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
-    """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
-
-    ``z`` (P,) contains the score-test statistics of all causes, each at several trial sizes, for a
-    flight simulated with cause ``i``. ``starts``: index in ``z`` of each cause's first trial size.
-    """
-    highest = np.maximum.reduceat(z**2, starts)
-    return float(highest[i] - np.delete(highest, i).max(initial=0.0))
+    base = without.fit(data)
+    out = []
+    for h in with_cause:
+        assert h.term is not None
+        o = h.fit(data)
+        m = 0 if h.term.effect.of_base else len(o.theta) - len(base.theta)
+        # The model contains the base model, so it cannot be less likely.
+        out.append(max(2 * (o.loglik - base.loglik), 0.0) - bic_penalty(m, base.at))
+    return np.array([*out, 0.0]) if np.isfinite([base.loglik, *out]).all() else None

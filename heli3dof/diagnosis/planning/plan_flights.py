@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.result import MIN_CERTAINTY, percent
+from heli3dof.diagnosis.result import percent
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.simulate import simulate
@@ -29,6 +29,8 @@ from heli3dof.rig.profile import Profile
 
 MOST_FLIGHTS = 20
 """Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
+LIKELY = 0.9
+"""Probability of a decision for which a number of flights is stated. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +72,13 @@ def is_stable(model: GreyBoxModel) -> bool:
     return True
 
 
-def simulated_plan(p: RenderedPlan, model: GreyBoxModel) -> Recording | None:
+def simulated_plan(p: RenderedPlan, model: GreyBoxModel, number: int = 0) -> Recording | None:
     """Return a flight of the plan on ``model``, simulated in closed loop with noise.
 
-    The profile's controller must stabilise the model (`is_stable`). The result is None if the
-    flight leaves the safety envelope. For a plan that opens control loops, it is also None if the
-    simulation without noise (`simulate`) raises an error.
+    Flights of different ``number`` have different noise. The profile's controller must stabilise
+    the model (`is_stable`). The result is None if the flight leaves the safety envelope. For a plan
+    that opens control loops, it is also None if the simulation without noise (`simulate`) raises an
+    error.
     """
     if p.signals.opened is None:
         references = _reference_recording(p)
@@ -84,7 +87,7 @@ def simulated_plan(p: RenderedPlan, model: GreyBoxModel) -> Recording | None:
             references = simulate(p.plan, model, profile=p.profile, seed=p.seed)
         except (UsageError, CheckFailed):
             return None
-    flight = simulated_flight(model, references, np.random.default_rng([p.seed, 5]))
+    flight = simulated_flight(model, references, np.random.default_rng([p.seed, 5 + number]))
     return flight if inside_envelope(flight) else None
 
 
@@ -112,17 +115,17 @@ def _reference_recording(p: RenderedPlan) -> Recording:
 
 
 def flights_needed(certainty: Callable[[int], float]) -> str:
-    """Return a sentence: how many flights decide with at least the probability `MIN_CERTAINTY`.
+    """Return a sentence: how many flights decide with at least the probability `LIKELY`.
 
     ``certainty`` is a function that returns the probability of a decision after n flights.
 
-    >>> flights_needed(lambda flights: flights / 6)
-    '3 such flights decide with a probability of 50 %. Or measure one effect by hand'
-    >>> flights_needed(lambda flights: 0.1)
-    'Not even 20 such flights decide with a probability of 50 %: measure one effect by hand'
+    >>> flights_needed(lambda flights: flights / 3)
+    '3 such flights decide with a probability of 90 %. Or measure one effect by hand'
+    >>> flights_needed(lambda flights: 0.5)
+    'Not even 20 such flights decide with a probability of 90 %: measure one effect by hand'
     """
-    decide = f"such flights decide with a probability of {percent(MIN_CERTAINTY)}"
+    decide = f"such flights decide with a probability of {percent(LIKELY)}"
     for flights in range(2, MOST_FLIGHTS + 1):
-        if certainty(flights) >= MIN_CERTAINTY:
+        if certainty(flights) >= LIKELY:
             return f"{flights} {decide}. Or measure one effect by hand"
     return f"Not even {MOST_FLIGHTS} {decide}: measure one effect by hand"

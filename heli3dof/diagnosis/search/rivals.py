@@ -6,6 +6,9 @@ require that a linear correction removes the bias of the score test
 correction. The bias of a candidate is z̄, the mean of its score z over null simulations, which
 contain no effect (`search.nulls`). κ is the variance inflation of the scores in these simulations.
 If |z̄|/√κ > `SIGMAS_997` for one of the candidates to compare (rivals), this test decides instead.
+It also decides if rivals are confounded only because of ε, the error of the bias correction
+(`search.select`): the test does not use this correction. Few null simulations estimate z̄ roughly.
+So without this rule, their random seed might decide between a named cause and an ambiguous one.
 
 Each rival is fitted (`bias_correction.correction`), and B flights are simulated from each fit. For
 the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their log-likelihoods for the recordings.
@@ -57,10 +60,11 @@ MIN_STD = 1.0
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     """Return the candidates that simulated flights must compare, the chosen cause first.
 
-    Usually the scores of the candidates decide which one is the cause. This is unreliable if the
-    score test is strongly biased for one of them (`relative_bias` above `SIGMAS_997`). Then the
-    result contains the chosen cause, and up to `MAX_COMPARED` − 1 others with a large Z². Otherwise
-    the result is empty.
+    Usually the scores of the candidates decide which one is the cause. This is unreliable in two
+    cases: the score test is strongly biased for one of them (`relative_bias` above `SIGMAS_997`),
+    or candidates are confounded only within the error of the bias correction. Then the result
+    contains the chosen cause, and up to `MAX_COMPARED` − 1 others with a large Z². Otherwise the
+    result is empty.
 
     A candidate without a score test (encoder backlash) is left out. If the chosen cause has no
     score test, the result is empty.
@@ -73,7 +77,7 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
     close = sorted((c for c in others if least < c.statistic), key=lambda c: -c.statistic)
     compared = [best, *close[: MAX_COMPARED - 1]]
     is_biased = any(bias > SIGMAS_997 for bias in relative_bias(nulls, compared))
-    return compared if close and is_biased else []
+    return compared if close and (is_biased or choice.within_bias_error) else []
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:

@@ -77,6 +77,8 @@ class Choice:
     """Threshold of Z², from null simulations (`search.nulls`)"""
     by_flights: bool = False
     """True if simulated flights of rivals (`search.rivals`), not scores, decided the choice"""
+    within_bias_error: bool = False
+    """True if a cause is confounded with the chosen one only because of ε (see the module)"""
 
 
 Cause = TypeVar("Cause", Choice, OffNominal)
@@ -145,7 +147,10 @@ def best_choice(
     # The probability that the cause is the chosen one or one confounded with it.
     apart = [f.score for f in below if f not in close]
     probability = min(nulls.confidence(best.statistic), certainty([best.score, *apart, 0.0]))
-    return Choice(best.term, best.score, probability, confounded, tuple(fits), nulls.threshold)
+    return Choice(
+        best.term, best.score, probability, confounded, tuple(fits), nulls.threshold,
+        within_bias_error=any(not are_confounded(s, best, f, bias_error=False) for f in close),
+    )  # fmt: skip
 
 
 def certainty(scores: Sequence[float]) -> float:
@@ -161,18 +166,28 @@ def certainty(scores: Sequence[float]) -> float:
     return float(softmax(np.array(scores) / 2)[0])
 
 
-def are_confounded(s: Screening, best: CandidateFit, other: CandidateFit) -> bool:
+def least_difference(score: float) -> float:
+    """Return the least difference of two scores that is not due to chance or an inexact formula.
+
+    ``score``: the higher of the two scores. The error of the bias correction is not included.
+    """
+    return max(TIE, FORMULA_ERROR * score)
+
+
+def are_confounded(
+    s: Screening, best: CandidateFit, other: CandidateFit, *, bias_error: bool = True
+) -> bool:
     """Return whether the recordings cannot distinguish two candidates (see the module).
 
-    ``best`` is the candidate with the higher score.
+    ``best`` is the candidate with the higher score. Without ``bias_error``, ε counts as 0.
     """
     difference, score = best.score - other.score, max(best.score, 0.0)
-    margin = max(TIE, FORMULA_ERROR * score)
+    margin = least_difference(score)
     a, b = best.probe, other.probe
     if a is not None and b is not None and max(a, b) < len(s.screen.plain):
         rho, nulls = min(abs(s.screen.correlation(a, b)), 1.0), s.nulls
         difference = min(difference, (1 - rho**2) * score)
         drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
         error = np.hypot(drift, nulls.flights**-0.5 if nulls.flights else 0.0)
-        margin += 2 * np.sqrt(score) * error * np.sqrt(2 * (1 - rho))
+        margin += bias_error * 2 * np.sqrt(score) * error * np.sqrt(2 * (1 - rho))
     return bool(difference < margin)

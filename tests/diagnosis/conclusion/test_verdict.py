@@ -20,6 +20,7 @@ from heli3dof.diagnosis.result import (
     Fitted,
     UnexplainedError,
     in_order,
+    in_order_of_selection,
 )
 from heli3dof.diagnosis.search.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
@@ -37,7 +38,12 @@ def off(*tied: str) -> OffNominal:
 def finding(*tied: str) -> Any:
     cause = terms(["motor.lag"])[0]
     choice = Choice(cause, 50.0, 1.0, tied, ())
-    return Finding(choice, {}, cast(Any, None), np.zeros(4))
+    return Finding(choice, {}, gained(None), np.zeros(4))
+
+
+def gained(loglik: float | None) -> Gain:
+    won = None if loglik is None else Interval(loglik, loglik, loglik)
+    return Gain("holdout", {}, {}, {}, won)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +174,7 @@ def test_ratios_to_the_thrust_gain_have_no_prior_in_them() -> None:
     assert found["K_f/J_yaw"].std / found["K_f/J_yaw"].value == pytest.approx(0.03)
 
 
-def test_findings_are_ordered_by_strength_and_causes_keep_their_order() -> None:
+def test_findings_are_ordered_by_their_gain_and_off_nominal_parameters_by_score() -> None:
     lag, inertia = finding(), off()
     late = replace(lag, choice=replace(lag.choice, score=70.0))
     assert in_order([], [lag, late], [inertia]) == (inertia, lag, late)
@@ -177,11 +183,31 @@ def test_findings_are_ordered_by_strength_and_causes_keep_their_order() -> None:
     assert in_order([gaps], [lag], []) == (lag, gaps)
 
 
+def test_the_document_has_the_finding_with_the_largest_gain_first() -> None:
+    """Forward selection may find the stronger cause second: the first one hides it."""
+    first = replace(finding(), gain=gained(227.7))
+    delay = replace(first.choice, term=terms(["motor.delay"])[0], score=10.0)
+    second = Finding(delay, {}, gained(360.9), np.zeros(4))
+    d = Diagnosis(("a",), (), "explained", (), findings=(first, second))
+    found = diagnosis_document(d)["findings"]
+    assert [f["effect"] for f in found] == ["motor.delay", "motor.lag"]
+
+
+def test_a_stronger_second_cause_does_not_hide_that_the_first_is_confounded() -> None:
+    first = replace(finding("motor.delay"), gain=gained(86.0))
+    pendulum = replace(first.choice, term=terms(["stiffness.pendulum.roll"])[0], tied_with=())
+    second = Finding(pendulum, {}, gained(117.0), np.zeros(4))
+    assert in_order([], [first, second], []) == (second, first)
+    assert verdict_of(in_order_of_selection([], [first, second], []), []) == "ambiguous"
+
+
 def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_curve"),))
     plan = diagnosis_document(tied)["next_experiment"]
     assert plan["plan"] == terms(["inertia.roll"])[0].effect.separated_by
     assert plan["separates"] == ["inertia.roll", "motor.thrust_curve"]
+    assert "catalogue's plan for inertia.roll" in plan["why"]
+    assert "did not compare plans in simulation" in plan["why"]
 
 
 def test_beyond_tolerance_has_three_values() -> None:

@@ -84,10 +84,10 @@ def test_the_reason_gives_each_size_with_the_probability_to_find_it() -> None:
 
 
 def test_a_plan_that_hardly_decides_states_how_often_to_fly_it() -> None:
-    """u = 1.8: one flight finds the term with a probability of 44 %, two with 72 %."""
+    """u = 1.8: one flight finds the term with a probability of 44 %, four with 95 %."""
     yaw = OpenParameter("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
     why = module._why(PlanForecast("large", 70.0, (1.8**2,), 0.44), [yaw], tied=False)
-    assert "2 such flights decide with a probability of 50 %. Or measure" in why
+    assert "4 such flights decide with a probability of 90 %. Or measure" in why
 
 
 def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:

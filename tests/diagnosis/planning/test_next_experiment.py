@@ -130,14 +130,37 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     assert all(len(causes) == 1 for causes in requested)
 
 
+def forecast(*margins: float, scores: tuple[float, ...]) -> PlanForecast:
+    f = PlanForecast("rich", 60.0, margins, 0.0, scores)
+    return replace(f, certainty=module._certainty(f))
+
+
 def test_a_plan_that_hardly_decides_is_introduced_by_that() -> None:
-    best = PlanForecast("rich", 60.0, (1.0, 2.0), 0.2)
+    best = forecast(5.0, 9.0, scores=(20.0, 20.0))
     assert module._why(best, ["motor.lag", "motor.delay"]).startswith(
         "no plan separates motor.lag and motor.delay well. In simulation, 60 s of this plan do so "
-        "by a margin of 1, more than any other plan. 6 such flights decide"
+        "by a margin of 5, more than any other plan. 12 such flights decide"
     )
-    clear = PlanForecast("rich", 60.0, (40.0, 50.0), 0.99)
+    clear = forecast(90.0, 120.0, scores=(200.0, 200.0))
     assert "no plan" not in module._why(clear, ["motor.lag", "motor.delay"])
+
+
+def test_a_plan_that_shows_only_one_of_two_causes_is_not_certain() -> None:
+    f = forecast(35.5, 0.33, scores=(60.0, 60.0))
+    assert f.certainty < 0.05
+    assert "Not even 20 such flights decide" in module._why(f, ["motor.lag", "motor.delay"])
+
+
+def test_a_margin_within_the_error_of_formulas_never_decides() -> None:
+    assert module._probability_decided(60.0, 5000.0, 20) < 0.1
+
+
+def test_a_chirp_separates_a_lag_from_a_delay_whichever_the_rig_has(base: Estimate) -> None:
+    """At high frequencies, a score test linearised without the cause favours the wrong one."""
+    t = [Probe(term("motor.lag"), (0.03,)), Probe(term("motor.delay"), (0.024,))]
+    (chirp,) = recommend(base, t, plans=["chirp"]).ranking
+    assert min(chirp.margins) > 100.0
+    assert chirp.certainty > 0.99
 
 
 def test_an_error_is_raised_if_no_plan_can_be_flown(base: Estimate) -> None:

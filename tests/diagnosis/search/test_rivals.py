@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -63,6 +64,13 @@ def test_a_large_bias_lets_the_comparison_decide() -> None:
     assert [c.term.name for c in compared] == ["a", "b"]
     assert rivals(choice(a, b, far), nulls(-1.0, 1.0, 20.0)) == []
     assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == []
+
+
+def test_a_tie_within_the_error_of_the_bias_correction_lets_the_comparison_decide() -> None:
+    a, b = candidate("a", 70.0, 0), candidate("b", 60.0, 1)
+    unbiased = nulls(-1.0, 1.0)
+    assert rivals(choice(a, b), unbiased) == []
+    assert rivals(replace(choice(a, b), within_bias_error=True), unbiased) == [a, b]
 
 
 def test_the_mean_of_a_largest_score_is_no_bias() -> None:

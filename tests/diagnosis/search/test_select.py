@@ -102,6 +102,11 @@ def test_in_a_single_step_a_delay_is_named_or_confounded() -> None:
     assert "motor.delay" in {step.choice.term.name, *step.choice.tied_with}
 
 
+def tied_scores(s: Any, a: Any, b: Any, **options: Any) -> bool:
+    """Replace `are_confounded` by a comparison of scores alone."""
+    return bool(a.score - b.score < TIE)
+
+
 @pytest.mark.parametrize(("Z2", "named"), [(29.0, True), (14.3, False)])
 def test_a_cause_below_the_screen_threshold_is_not_named(
     monkeypatch: pytest.MonkeyPatch, Z2: float, named: bool
@@ -112,7 +117,7 @@ def test_a_cause_below_the_screen_threshold_is_not_named(
         CandidateFit(screened, NONE, NONE, 8.0, 34.7, 1),
     ]
     monkeypatch.setattr(select, "fit_candidates", lambda *a: fits)
-    monkeypatch.setattr(select, "are_confounded", lambda s, a, b: a.score - b.score < TIE)
+    monkeypatch.setattr(select, "are_confounded", tied_scores)
     nulls = cast(
         Any, SimpleNamespace(threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0)
     )
@@ -151,6 +156,27 @@ def test_correlated_causes_and_few_flights_confound(
     assert are_confounded(s, best, other) is confounded
 
 
+@pytest.mark.parametrize(("score", "within"), [(385.0, True), (390.0, False)])
+def test_a_choice_states_a_tie_within_the_error_of_the_bias_correction(
+    score: float, within: bool
+) -> None:
+    """The margin is 12 without this error, and 16.5 with it."""
+    screen = SimpleNamespace(plain=[NONE, NONE], correlation=lambda a, b: 0.95)
+    nulls = SimpleNamespace(
+        mean=np.zeros(2), inflation=1.0, flights=8,
+        threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0,
+    )  # fmt: skip
+    fits = [
+        CandidateFit(term("motor.delay"), NONE, NONE, 400.0, 90.0, 0),
+        CandidateFit(term("motor.lag"), NONE, NONE, score, 80.0, 1),
+    ]
+    s = cast(Any, SimpleNamespace(screen=screen, nulls=nulls))
+    choice = select.best_choice(s, fits, None)
+    assert choice is not None
+    assert choice.tied_with == ("motor.lag",)
+    assert choice.within_bias_error is within
+
+
 def test_a_periodic_torque_has_a_positive_amplitude() -> None:
     # −τ sin(x) = τ sin(x + π)
     out = with_positive_torque({"torque_Nm": (-0.02, 0.001), "phase_rad": (0.5, 0.1)})
@@ -170,7 +196,7 @@ def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
         CandidateFit(term("aero.inflow"), NONE, NONE, score, 44.0, 1),
         CandidateFit(term("friction.viscous.roll"), NONE, NONE, score - 1.0, 39.0, 2),
     ]
-    monkeypatch.setattr(select, "are_confounded", lambda s, a, b: a.score - b.score < TIE)
+    monkeypatch.setattr(select, "are_confounded", tied_scores)
     nulls = cast(
         Any, SimpleNamespace(threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0)
     )
