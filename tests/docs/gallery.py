@@ -223,12 +223,12 @@ def page() -> str:
     """Return the text of the gallery's page."""
     parts = [HEAD]
     for verb, example in EXAMPLES.items():
-        picture = f"![{verb} output](../pictures/verbs/{verb}.svg)"
+        picture = f"![{verb}](../pictures/verbs/{verb}.svg)"
         parts.append(f"## {verb}\n\n{textwrap.fill(example.sentence, 120)}\n\n{picture}\n")
-    parts.append("## The HTML report\n\nThe first screen of the HTML report.\n")
+    parts.append("## The HTML report\n")
     for scheme, width in PHOTOGRAPHS:
         name = f"{scheme}-{width}"
-        parts.append(f"![Report, {scheme}, {width} px](../pictures/report/{name}.png)\n")
+        parts.append(f"![{scheme}, {width} px](../pictures/report/{name}.png)\n")
     return "\n".join(parts)
 
 
