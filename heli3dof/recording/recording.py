@@ -188,7 +188,7 @@ class Recording(Result):
         """
         h = hashlib.sha256()
         for a in (self.t, self.voltage, self.angle):
-            h.update((np.round(a, 9) + 0.0).astype("<f8").tobytes())
+            h.update(rounded(a).astype("<f8").tobytes())
         return h.hexdigest()
 
     def between(self, start_s: float, stop_s: float) -> Recording:
@@ -205,6 +205,11 @@ class Recording(Result):
             channels={k: v[keep] for k, v in self.channels.items()},
             start_s=self.t[0] if self.start_s is None and len(self) else self.start_s,
         )
+
+
+def rounded(values: FloatArray) -> FloatArray:
+    """Return ``values`` rounded to 1e-9 without negative zeros, to compare samples of two files."""
+    return np.round(values, 9) + 0.0
 
 
 def output_voltage(reported: np.ndarray, sent: np.ndarray) -> np.ndarray:
