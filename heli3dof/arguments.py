@@ -93,7 +93,7 @@ def _plan(name: str, value: Any, given: Given) -> Any:
 
 def _recording(name: str, value: Any, given: Given) -> Recording:
     from heli3dof.recording.load import load
-    from heli3dof.recording.recording import Recording
+    from heli3dof.recording.recording import Recording, check_samples
 
     recording = load(value) if isinstance(value, str | Path) else value
     if not isinstance(recording, Recording):
@@ -101,12 +101,7 @@ def _recording(name: str, value: Any, given: Given) -> Recording:
             name, value, "a recording or the path of its file",
             "heli3dof.load(path); a flight has its own: flight.recording",
         )  # fmt: skip
-    if not len(recording):
-        raise RecordingError(
-            f"{name}: the recording {recording.name!r} has no samples.",
-            cause="the part that was selected lies outside of the recording.",
-            fix="compare the selected times with recording.t",
-        )
+    check_samples(recording, name)
     return recording
 
 
