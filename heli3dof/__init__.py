@@ -19,8 +19,8 @@ A function that takes a plan, profile, recording or model also takes its path, o
 or model's name. In place of a list with one element, it takes the element. Arrays are in SI units
 (s, V, rad), with columns (roll, pitch, yaw) and (front, back). Every error is a `Heli3dofError`.
 
-``__init__.pyi`` lists the public names. Each is imported when it is first used, so that importing
-the package is quick.
+``__init__.pyi`` lists the public names, with the types that the functions accept. Each is imported
+when it is first used, so that importing the package is quick.
 """
 
 from __future__ import annotations
@@ -57,5 +57,5 @@ def _modules() -> dict[str, str]:
     from pathlib import Path
 
     stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom) and node.module]
-    return {alias.name: str(node.module) for node in imports for alias in node.names}
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom) and node.level]
+    return {a.name: str(node.module) for node in imports for a in node.names if a.asname}

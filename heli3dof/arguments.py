@@ -12,6 +12,7 @@ parameter                   argument
 ``recordings, holdout``     one or several of these
 ``model``                   a model, or its name or path
 ``models``                  one or several of these; or a function: recording → models
+``identified``              one or several identifications
 ``seed``                    a whole number ≥ 0
 ``horizons_s, intervals_s`` positive numbers
 ``dt``, ``rate_hz``         a positive number
@@ -209,6 +210,7 @@ CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
     "recordings": _recordings,
     "holdout": _recordings,
     "model": _model,
+    "identified": lambda name, value, given: _several(value),
     "models": _models,
     "seed": _seed,
     "horizons_s": _positives,

@@ -153,3 +153,18 @@ def first_part_of_a_still_rig() -> h3.Recording:
 def test_public_functions_can_be_pickled_and_keep_their_names() -> None:
     assert pickle.loads(pickle.dumps(h3.fly_plan)) is h3.fly_plan
     assert h3.fly_plan.__name__ == "fly_plan"
+
+
+def test_export_takes_the_path_of_a_recording_or_model(flown: h3.Recording, tmp_path: Path) -> None:
+    h3.write_recording(flown, tmp_path / "a.mcap")
+    h3.save_model(HOVER, tmp_path / "m.json")
+    assert h3.export(tmp_path / "a.mcap", tmp_path / "a.csv").is_file()
+    assert h3.export(str(tmp_path / "m.json"), tmp_path / "m.mat").is_file()
+    for other in (flown.profile, PLAN, None):
+        with pytest.raises(h3.UsageError, match="not a recording or a model"):
+            h3.export(other, tmp_path / "b.mat")  # type: ignore[arg-type]
+
+
+def test_a_profile_without_controller_has_no_loop_to_check() -> None:
+    with pytest.raises(h3.UsageError, match="controller is None"):
+        h3.check_loop(HOVER, None, 0.002)

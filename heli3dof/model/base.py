@@ -109,11 +109,14 @@ class Model(Protocol):
         """
         ...
 
-    def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
+    def to_control(
+        self, *, in_continuous_time: bool = False, dt: float | None = None
+    ) -> control.StateSpace:
         """Return a python-control state-space model from motor voltages (V) to angles (rad).
 
         Voltages and angles are deviations from the trim, about which a nonlinear model is
-        linearised. The result is in discrete time unless ``in_continuous_time`` is true.
+        linearised. The result is in discrete time, with samples every ``dt`` s (None: every control
+        period), unless ``in_continuous_time`` is true.
         """
         ...
 
