@@ -322,9 +322,17 @@ def recording_of_arrays(
         voltage_cmd=fill("voltage_cmd", voltage_cmd, 2),
         voltage_extra=fill("voltage_extra", voltage_extra, 2),
         profile=profile,
-        channels={name: np.asarray(signal) for name, signal in (channels or {}).items()},
+        channels={k: np.asarray(_without_mask(v)) for k, v in (channels or {}).items()},
         meta=dict(meta or {}),
     )
+
+
+def _without_mask(values: ArrayLike) -> ArrayLike:
+    """Return ``values``; a numpy masked array becomes floats, with NaN where it is masked."""
+    if not isinstance(values, np.ma.MaskedArray):
+        return values
+    filled: np.ndarray = np.ma.filled(values.astype(float), np.nan)
+    return filled
 
 
 def _floats(name: str, values: ArrayLike) -> FloatArray:
@@ -335,7 +343,7 @@ def _floats(name: str, values: ArrayLike) -> FloatArray:
     try:
         if np.iscomplexobj(values):
             raise TypeError("complex numbers")
-        return np.asarray(values, dtype=float)
+        return np.asarray(_without_mask(values), dtype=float)
     except (TypeError, ValueError) as error:
         raise UsageError(
             f"{name} is not an array of real numbers: {error}.",
