@@ -17,7 +17,10 @@ are ``profile new``, ``profile update`` and ``diagnose --cluster``. For ``effect
 
 A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
 or model's name. In place of a list with one element, it takes the element. Arrays are in SI units
-(s, V, rad), with columns (roll, pitch, yaw) and (front, back). Every error is a `Heli3dofError`.
+(s, V, rad), with columns (roll, pitch, yaw) and (front, back).
+
+Every error that a function raises is a `Heli3dofError`; for a wrong argument, it is a `UsageError`.
+So is a wrong value in a method of an object. An argument of a wrong type may be a TypeError there.
 
 ``__init__.pyi`` lists the public names, with the types that the functions accept. Each is imported
 when it is first used, so that importing the package is quick.

@@ -168,3 +168,58 @@ def test_export_takes_the_path_of_a_recording_or_model(flown: h3.Recording, tmp_
 def test_a_profile_without_controller_has_no_loop_to_check() -> None:
     with pytest.raises(h3.UsageError, match="controller is None"):
         h3.check_loop(HOVER, None, 0.002)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: h3.fly_plan(PLAN, device=None), "device is None, not a text"),
+        (lambda r: h3.fly_plan(PLAN, output=3), "output is 3, not a path"),
+        (lambda r: h3.fly_plan(PLAN, meta="x"), "meta is 'x', not a dict"),
+        (lambda r: h3.fly_plan(PLAN, meta={3: 4}), "not a dict whose keys are texts"),
+        (lambda r: h3.fly_plan(PLAN, meta={"seed": 9}), "meta has the key 'seed'"),
+        (lambda r: h3.step_plan(roll="a"), "roll is 'a', not a finite number"),
+        (lambda r: h3.step_plan(roll=[1.0, 2.0]), "not a finite number"),
+        (lambda r: h3.identify(r, method=None), "method is None, not a text"),
+        (lambda r: h3.identify(r, method="pem", order=2.5), "order is 2.5, not a whole number"),
+        (lambda r: h3.identify(r, terms=3), "terms is 3, not a text"),
+        (lambda r: h3.identify(r, method="pem", intervals_s=[]), "intervals_s is empty"),
+        (lambda r: h3.diagnose(r, base=None), "base is None"),
+        (lambda r: h3.diagnose(r, progress=None), "progress is None, not a function"),
+        (lambda r: HOVER.predict(r, "a"), "horizon_s is a; it must be positive"),
+        (lambda r: HOVER.predict(r, None), "horizon_s is None; it must be positive"),
+        (lambda r: h3.load(None), "path is None, not a path"),
+        (lambda r: h3.load(b"a.mcap"), "path is b'a.mcap', not a path"),
+        (lambda r: h3.load_model(r), "name_or_path is of the type Recording"),
+        (lambda r: h3.load_plan(3), "name_or_path is 3"),
+        (lambda r: h3.load_profile(3), "path is 3"),
+        (lambda r: h3.import_log([3], r.profile), "paths is 3, not a path"),
+        (lambda r: h3.save_profile(r.profile, 3), "path is 3"),
+        (lambda r: r.profile.with_gain("a"), "no finite numbers"),
+        (lambda r: h3.hover_model(None), "profile is None, not a profile"),
+        (lambda r: h3.next_experiment(None), "found is None, not a diagnosis"),
+        (lambda r: h3.comparison_document(None), "comparison is None, not a comparison"),
+        (lambda r: h3.comparison_figures(None), "comparison is None, not a comparison"),
+        (lambda r: h3.diagnosis_document(None), "d is None, not a diagnosis"),
+        (lambda r: h3.diagnosis_summary({}), "document is {}, not the JSON document"),
+        (lambda r: h3.recover(None), "path is None"),
+        (lambda r: h3.estop(3), "device is 3, not a text"),
+        (lambda r: h3.zero("mock:", angles_deg=(float("nan"), 0, 0)), "three angles in degrees"),
+        (lambda r: h3.run_auto(device="mock:", folder="x", budget_min="a"), "budget_min is 'a'"),
+    ],
+)
+def test_a_wrong_value_is_a_usage_error(
+    flown: h3.Recording, call: Callable[[h3.Recording], Any], message: str
+) -> None:
+    with pytest.raises(h3.UsageError, match=message) as caught:
+        call(flown)
+    assert caught.value.cause
+    assert caught.value.fix
+
+
+def test_a_linearisation_needs_a_positive_interval() -> None:
+    from tests.model.test_greybox_model import true_model
+
+    for dt in (0, float("nan")):
+        with pytest.raises(h3.UsageError, match="dt is "):
+            true_model().linear(dt)

@@ -127,10 +127,14 @@ class Model(Protocol):
 
 def checked_time(seconds: float, name: str) -> float:
     """Return the argument ``name`` of ``seconds`` s; raise UsageError if it is not positive."""
-    if not 0 < seconds < float("inf"):
+    try:
+        is_positive = 0 < seconds < float("inf")
+    except TypeError:
+        is_positive = False
+    if not is_positive:
         raise UsageError(
             f"{name} is {seconds}; it must be positive.",
-            cause="a wrong sign, or 0.",
+            cause="a wrong sign, 0, or another object than a number.",
             fix=f"{name} in seconds, above 0"
             + ("; or in_continuous_time=True" if name == "dt" else ""),
         )
