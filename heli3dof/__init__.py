@@ -35,6 +35,10 @@ from typing import Any
 def __getattr__(name: str) -> Any:
     if name == "__all__":
         return sorted(_modules())
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("heli3dof")
     if name.startswith("_") or name not in _modules():
         raise AttributeError(f"module 'heli3dof' has no attribute {name!r}")
     from importlib import import_module

@@ -88,6 +88,8 @@ from .rig.zero import ZeroResult as ZeroResult
 from .rig.zero import zero as _public_zero
 from .stage_clock import Progress
 
+__version__: str
+
 def compare(
     recordings: Recording | str | Path | Sequence[Recording | str | Path],
     models: Model

@@ -52,6 +52,7 @@ def stub() -> str:
     for module in sorted({m for name, m in used.items() if name not in public}):
         names = sorted(n for n, m in used.items() if m == module and n not in public)
         others.append(f"from {module} import {', '.join(names)}")
+    lines.append("__version__: str")
     return "\n".join([*sorted(others), *lines]) + "\n\n" + "\n\n".join(functions) + "\n"
 
 

@@ -62,6 +62,12 @@ def test_every_error_of_the_package_is_public() -> None:
             assert name in NAMES
 
 
+def test_the_package_has_its_version() -> None:
+    from importlib.metadata import version
+
+    assert h3.__version__ == version("heli3dof")
+
+
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'compere'"):
         _ = h3.compere

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -223,3 +224,22 @@ def test_a_linearisation_needs_a_positive_interval() -> None:
     for dt in (0, float("nan")):
         with pytest.raises(h3.UsageError, match="dt is "):
             true_model().linear(dt)
+
+
+def test_a_model_of_another_rig_gives_a_warning(flown: h3.Recording) -> None:
+    data = h3.default_profile().to_dict()
+    data["mass"]["m_w"] = 1.7
+    other = h3.profile_from_dict(data)
+    says = "another rig than the .*mass.m_w = 1.87 and 1.7 in their profiles"
+    (warning,) = h3.simulate(PLAN, HOVER, profile=other).meta["warnings"]
+    assert re.search(says, warning)
+    assert "warnings" not in h3.simulate(PLAN, HOVER).meta
+    comparison = h3.compare(replace(flown, profile=other), [HOVER, "hover"], horizons_s=[1.0])
+    assert len([w for w in comparison.warnings if re.search(says, w)]) == 1
+
+
+def test_a_profile_is_not_written_under_another_formats_ending(tmp_path: Path) -> None:
+    for name in ("rig.json", "rig.csv", "rig.mcap"):
+        with pytest.raises(h3.UsageError, match=r"would be a \.toml file") as caught:
+            h3.save_profile(h3.default_profile(), tmp_path / name)
+        assert "export" not in caught.value.fix
