@@ -17,10 +17,13 @@ are ``profile new``, ``profile update`` and ``diagnose --cluster``. For ``effect
 
 A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
 or model's name. In place of a list with one element, it takes the element. Arrays are in SI units
-(s, V, rad), with columns (roll, pitch, yaw) and (front, back). Every error is a `Heli3dofError`.
+(s, V, rad), with columns (roll, pitch, yaw) and (front, back).
 
-``__init__.pyi`` lists the public names. Each is imported when it is first used, so that importing
-the package is quick.
+Every error that a function raises is a `Heli3dofError`; for a wrong argument, it is a `UsageError`.
+So is a wrong value in a method of an object. An argument of a wrong type may be a TypeError there.
+
+``__init__.pyi`` lists the public names, with the types that the functions accept. Each is imported
+when it is first used, so that importing the package is quick.
 """
 
 from __future__ import annotations
@@ -32,6 +35,10 @@ from typing import Any
 def __getattr__(name: str) -> Any:
     if name == "__all__":
         return sorted(_modules())
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("heli3dof")
     if name.startswith("_") or name not in _modules():
         raise AttributeError(f"module 'heli3dof' has no attribute {name!r}")
     from importlib import import_module
@@ -57,5 +64,5 @@ def _modules() -> dict[str, str]:
     from pathlib import Path
 
     stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom) and node.module]
-    return {alias.name: str(node.module) for node in imports for alias in node.names}
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom) and node.level]
+    return {a.name: str(node.module) for node in imports for a in node.names if a.asname}

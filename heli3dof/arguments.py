@@ -12,10 +12,12 @@ parameter                   argument
 ``recordings, holdout``     one or several of these
 ``model``                   a model, or its name or path
 ``models``                  one or several of these; or a function: recording → models
+``identified``              one or several identifications
 ``seed``                    a whole number ≥ 0
 ``horizons_s, intervals_s`` positive numbers
 ``dt``, ``rate_hz``         a positive number
 ``target_deg, angles_deg``  three angles, of roll, pitch and yaw
+further ones                an object of the type that the function's docstring states
 ==========================  ==================================================================
 """
 
@@ -24,6 +26,7 @@ from __future__ import annotations
 import inspect
 import math
 import operator
+import os
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -46,14 +49,16 @@ def converted(function: Callable[..., Any]) -> Callable[..., Any]:
     names = [name for name in CONVERSIONS if name in signature.parameters]
     if not names:
         return function
+    optional = {p.name for p in signature.parameters.values() if str(p.annotation).endswith("None")}
 
     @wraps(function)
     def call(*args: Any, **options: Any) -> Any:
         bound = signature.bind(*args, **options)
         given = bound.arguments
         for name in names:
-            default = signature.parameters[name].default
-            if name in given and given[name] is not default:
+            if name not in given or given[name] is signature.parameters[name].default:
+                continue
+            if given[name] is not None or name not in optional:
                 given[name] = CONVERSIONS[name](name, given[name], given)
         return function(*bound.args, **bound.kwargs)
 
@@ -74,7 +79,7 @@ def _wrong(name: str, value: Any, wanted: str, fix: str) -> UsageError:
 def _profile(name: str, value: Any, given: Given) -> Any:
     from heli3dof.rig.profile import Profile, load_profile
 
-    if value is None or isinstance(value, Profile):
+    if isinstance(value, Profile):
         return value
     if isinstance(value, str | Path):
         return load_profile(value)
@@ -93,7 +98,7 @@ def _plan(name: str, value: Any, given: Given) -> Any:
 
 def _recording(name: str, value: Any, given: Given) -> Recording:
     from heli3dof.recording.load import load
-    from heli3dof.recording.recording import Recording
+    from heli3dof.recording.recording import Recording, check_samples
 
     recording = load(value) if isinstance(value, str | Path) else value
     if not isinstance(recording, Recording):
@@ -101,12 +106,7 @@ def _recording(name: str, value: Any, given: Given) -> Recording:
             name, value, "a recording or the path of its file",
             "heli3dof.load(path); a flight has its own: flight.recording",
         )  # fmt: skip
-    if not len(recording):
-        raise RecordingError(
-            f"{name}: the recording {recording.name!r} has no samples.",
-            cause="the part that was selected lies outside of the recording.",
-            fix="compare the selected times with recording.t",
-        )
+    check_samples(recording, name)
     return recording
 
 
@@ -172,9 +172,9 @@ def _seed(name: str, value: Any, given: Given) -> int:
 
 
 def _positive(name: str, value: Any, given: Given) -> Any:
-    """Return ``value`` unchanged, after a check: one or several positive numbers, or None."""
+    """Return ``value`` unchanged, after a check: one or several positive numbers."""
     try:
-        good = value is None or all(0 < float(v) < math.inf for v in _several(value))
+        good = all(0 < float(v) < math.inf for v in _several(value))
     except (TypeError, ValueError):
         good = False
     if not good:
@@ -188,7 +188,14 @@ def _positive(name: str, value: Any, given: Given) -> Any:
 
 def _positives(name: str, value: Any, given: Given) -> list[Any]:
     """Return one or several positive numbers as a list."""
-    return _several(_positive(name, value, given))
+    several = _several(_positive(name, value, given))
+    if not several and name == "intervals_s":
+        raise UsageError(
+            "intervals_s is empty.",
+            cause="a list without elements; the order search needs an interval.",
+            fix="intervals_s=[0.04], in seconds; or leave it out",
+        )
+    return several
 
 
 def _three_angles(name: str, value: Any, given: Given) -> tuple[Any, ...]:
@@ -196,14 +203,89 @@ def _three_angles(name: str, value: Any, given: Given) -> tuple[Any, ...]:
         angles = tuple(None if v is None else float(v) for v in value)
     except (TypeError, ValueError):
         angles = ()
-    if len(angles) != 3:
+    if len(angles) != 3 or not all(a is None or math.isfinite(a) for a in angles):
         raise UsageError(
             f"{name} is {value!r}; it must be three angles in degrees: roll, pitch, yaw.",
-            cause="an axis was left out.",
+            cause="an axis was left out, or an angle is no finite number.",
             fix=f"{name}=(10, None, None) for roll alone"
             + ("; or step_plan(roll=10)" if name == "target_deg" else ""),
         )
     return angles
+
+
+def _number(name: str, value: Any, given: Given) -> float:
+    """Return a finite number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise _wrong(name, value, "a finite number", f"{name}=10")
+    return number
+
+
+def _whole(name: str, value: Any, given: Given) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise _wrong(name, value, "a whole number", f"{name}=8") from None
+
+
+def _text(name: str, value: Any, given: Given) -> str:
+    if not isinstance(value, str):
+        raise _wrong(name, value, "a text", f"{name}='…'")
+    return value
+
+
+def _texts(name: str, value: Any, given: Given) -> Any:
+    """Return one or several texts unchanged."""
+    for text in _several(value):
+        _text(name, text, given)
+    return value
+
+
+def _path(name: str, value: Any, given: Given) -> Any:
+    if not isinstance(value, str | os.PathLike):
+        raise _wrong(name, value, "a path: a text or a pathlib.Path", f"{name}='flights/a.mcap'")
+    return value
+
+
+def _paths(name: str, value: Any, given: Given) -> Any:
+    """Return one or several paths unchanged."""
+    for path in _several(value):
+        _path(name, path, given)
+    return value
+
+
+def _metadata(name: str, value: Any, given: Given) -> Any:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise _wrong(name, value, "a dict whose keys are texts", f"{name}={{'name': 'first'}}")
+    return value
+
+
+def _function(name: str, value: Any, given: Given) -> Any:
+    if not callable(value):
+        raise _wrong(name, value, "a function", f"{name}=print, or leave it out")
+    return value
+
+
+def _diagnosis(name: str, value: Any, given: Given) -> Any:
+    if not (hasattr(value, "verdict") and hasattr(value, "findings")):
+        raise _wrong(name, value, "a diagnosis", "heli3dof.diagnose(recording)")
+    return value
+
+
+def _comparison(name: str, value: Any, given: Given) -> Any:
+    if not (hasattr(value, "flights") and hasattr(value, "horizons_s")):
+        raise _wrong(name, value, "a comparison", "heli3dof.compare(recording, 'hover')")
+    return value
+
+
+def _diagnosis_document(name: str, value: Any, given: Given) -> Any:
+    schema = value.get("schema", "") if isinstance(value, Mapping) else ""
+    if not str(schema).startswith("heli3dof.diagnosis/"):
+        raise _wrong(name, value, "the JSON document of a diagnosis", "diagnosis.to_dict()")
+    return value
 
 
 CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
@@ -214,6 +296,7 @@ CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
     "recordings": _recordings,
     "holdout": _recordings,
     "model": _model,
+    "identified": lambda name, value, given: _several(value),
     "models": _models,
     "seed": _seed,
     "horizons_s": _positives,
@@ -222,5 +305,17 @@ CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
     "rate_hz": _positive,
     "target_deg": _three_angles,
     "angles_deg": _three_angles,
+    **dict.fromkeys(("roll", "pitch", "yaw", "settle_s", "duration_s"), _number),
+    "budget_min": _number,
+    "order": _whole,
+    **dict.fromkeys(("device", "method", "base", "title"), _text),
+    "terms": _texts,
+    **dict.fromkeys(("path", "name_or_path", "output", "folder"), _path),
+    "paths": _paths,
+    "meta": _metadata,
+    **dict.fromkeys(("progress", "each", "opened", "warn"), _function),
+    **dict.fromkeys(("found", "d"), _diagnosis),
+    "comparison": _comparison,
+    "document": _diagnosis_document,
 }
 """Parameter → conversion (name, argument, all arguments), in the order in which they are applied"""

@@ -27,6 +27,7 @@ SUMMARIES = "heli3dof.summaries"
 DOCUMENTS = "heli3dof.documents"
 """Group of the functions that return a result's JSON document"""
 REPR_LINES = 3
+"""Number of lines of a summary that a repr shows; it counts the further ones."""
 
 
 class Result:
@@ -37,7 +38,7 @@ class Result:
     """
 
     def summary(self) -> str:
-        """Return a short text about the result; its first three lines are the object's repr."""
+        """Return a short text about the result; its first lines are the object's repr."""
         raise NotImplementedError
 
     def plot(self, **options: Any) -> Figure:
@@ -49,7 +50,10 @@ class Result:
         return figure
 
     def __repr__(self) -> str:
-        return "\n".join(self.summary().splitlines()[:REPR_LINES])
+        lines = self.summary().splitlines()
+        further = len(lines) - REPR_LINES
+        shown = "\n".join(lines[:REPR_LINES])
+        return f"{shown} … ({further} more in summary())" if further > 0 else shown
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"

@@ -62,6 +62,12 @@ def test_every_error_of_the_package_is_public() -> None:
             assert name in NAMES
 
 
+def test_the_package_has_its_version() -> None:
+    from importlib.metadata import version
+
+    assert h3.__version__ == version("heli3dof")
+
+
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'compere'"):
         _ = h3.compere
@@ -83,8 +89,11 @@ def test_importing_the_package_is_quick_and_imports_nothing_heavy() -> None:
 
 
 def test_a_type_checker_finds_the_public_names() -> None:
-    stub = (Path(h3.__file__).parent / "__init__.pyi").read_text(encoding="utf-8")
-    assert stub.count(" import ") == len(NAMES)
+    from tests.public_stub import STUB, statements, stub
+
+    there = statements(STUB.read_text("utf-8"))
+    assert there == statements(stub()), "run python -m tests.public_stub and make check"
+    assert sum(" as " in s and s.startswith("from .") for s in there) == len(NAMES)
 
 
 def test_fly_record_identify_compare_and_report_in_python(tmp_path: Path) -> None:

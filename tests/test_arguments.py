@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 import heli3dof as h3
 from tests.flown import first_part
+from tests.recording.make import changed
 
 PLAN = h3.step_plan(roll=5, settle_s=1.0, duration_s=5.0)
 HOVER = h3.hover_model(h3.default_profile())
@@ -146,10 +148,98 @@ def test_the_file_of_a_model_in_a_document_is_no_model(flown: h3.Recording) -> N
 
 def first_part_of_a_still_rig() -> h3.Recording:
     flight = h3.fly_plan(first_part("multisine", 3.0), device="mock:?speed=max&seed=1").recording
-    flight.angle[:] = flight.angle[0]
-    return flight
+    return changed(flight, "angle", slice(None), flight.angle[0])
 
 
 def test_public_functions_can_be_pickled_and_keep_their_names() -> None:
     assert pickle.loads(pickle.dumps(h3.fly_plan)) is h3.fly_plan
     assert h3.fly_plan.__name__ == "fly_plan"
+
+
+def test_export_takes_the_path_of_a_recording_or_model(flown: h3.Recording, tmp_path: Path) -> None:
+    h3.write_recording(flown, tmp_path / "a.mcap")
+    h3.save_model(HOVER, tmp_path / "m.json")
+    assert h3.export(tmp_path / "a.mcap", tmp_path / "a.csv").is_file()
+    assert h3.export(str(tmp_path / "m.json"), tmp_path / "m.mat").is_file()
+    for other in (flown.profile, PLAN, None):
+        with pytest.raises(h3.UsageError, match="not a recording or a model"):
+            h3.export(other, tmp_path / "b.mat")  # type: ignore[arg-type]
+
+
+def test_a_profile_without_controller_has_no_loop_to_check() -> None:
+    with pytest.raises(h3.UsageError, match="controller is None"):
+        h3.check_loop(HOVER, None, 0.002)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: h3.fly_plan(PLAN, device=None), "device is None, not a text"),
+        (lambda r: h3.fly_plan(PLAN, output=3), "output is 3, not a path"),
+        (lambda r: h3.fly_plan(PLAN, meta="x"), "meta is 'x', not a dict"),
+        (lambda r: h3.fly_plan(PLAN, meta={3: 4}), "not a dict whose keys are texts"),
+        (lambda r: h3.fly_plan(PLAN, meta={"seed": 9}), "meta has the key 'seed'"),
+        (lambda r: h3.step_plan(roll="a"), "roll is 'a', not a finite number"),
+        (lambda r: h3.step_plan(roll=[1.0, 2.0]), "not a finite number"),
+        (lambda r: h3.identify(r, method=None), "method is None, not a text"),
+        (lambda r: h3.identify(r, method="pem", order=2.5), "order is 2.5, not a whole number"),
+        (lambda r: h3.identify(r, terms=3), "terms is 3, not a text"),
+        (lambda r: h3.identify(r, method="pem", intervals_s=[]), "intervals_s is empty"),
+        (lambda r: h3.diagnose(r, base=None), "base is None"),
+        (lambda r: h3.diagnose(r, progress=None), "progress is None, not a function"),
+        (lambda r: HOVER.predict(r, "a"), "horizon_s is a; it must be positive"),
+        (lambda r: HOVER.predict(r, None), "horizon_s is None; it must be positive"),
+        (lambda r: h3.load(None), "path is None, not a path"),
+        (lambda r: h3.load(b"a.mcap"), "path is b'a.mcap', not a path"),
+        (lambda r: h3.load_model(r), "name_or_path is of the type Recording"),
+        (lambda r: h3.load_plan(3), "name_or_path is 3"),
+        (lambda r: h3.load_profile(3), "path is 3"),
+        (lambda r: h3.import_log([3], r.profile), "paths is 3, not a path"),
+        (lambda r: h3.save_profile(r.profile, 3), "path is 3"),
+        (lambda r: r.profile.with_gain("a"), "no finite numbers"),
+        (lambda r: h3.hover_model(None), "profile is None, not a profile"),
+        (lambda r: h3.next_experiment(None), "found is None, not a diagnosis"),
+        (lambda r: h3.comparison_document(None), "comparison is None, not a comparison"),
+        (lambda r: h3.comparison_figures(None), "comparison is None, not a comparison"),
+        (lambda r: h3.diagnosis_document(None), "d is None, not a diagnosis"),
+        (lambda r: h3.diagnosis_summary({}), "document is {}, not the JSON document"),
+        (lambda r: h3.recover(None), "path is None"),
+        (lambda r: h3.estop(3), "device is 3, not a text"),
+        (lambda r: h3.zero("mock:", angles_deg=(float("nan"), 0, 0)), "three angles in degrees"),
+        (lambda r: h3.run_auto(device="mock:", folder="x", budget_min="a"), "budget_min is 'a'"),
+    ],
+)
+def test_a_wrong_value_is_a_usage_error(
+    flown: h3.Recording, call: Callable[[h3.Recording], Any], message: str
+) -> None:
+    with pytest.raises(h3.UsageError, match=message) as caught:
+        call(flown)
+    assert caught.value.cause
+    assert caught.value.fix
+
+
+def test_a_linearisation_needs_a_positive_interval() -> None:
+    from tests.model.test_greybox_model import true_model
+
+    for dt in (0, float("nan")):
+        with pytest.raises(h3.UsageError, match="dt is "):
+            true_model().linear(dt)
+
+
+def test_a_model_of_another_rig_gives_a_warning(flown: h3.Recording) -> None:
+    data = h3.default_profile().to_dict()
+    data["mass"]["m_w"] = 1.7
+    other = h3.profile_from_dict(data)
+    says = "another rig than the .*mass.m_w = 1.87 and 1.7 in their profiles"
+    (warning,) = h3.simulate(PLAN, HOVER, profile=other).meta["warnings"]
+    assert re.search(says, warning)
+    assert "warnings" not in h3.simulate(PLAN, HOVER).meta
+    comparison = h3.compare(replace(flown, profile=other), [HOVER, "hover"], horizons_s=[1.0])
+    assert len([w for w in comparison.warnings if re.search(says, w)]) == 1
+
+
+def test_a_profile_is_not_written_under_another_formats_ending(tmp_path: Path) -> None:
+    for name in ("rig.json", "rig.csv", "rig.mcap"):
+        with pytest.raises(h3.UsageError, match=r"would be a \.toml file") as caught:
+            h3.save_profile(h3.default_profile(), tmp_path / name)
+        assert "export" not in caught.value.fix

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.errors import UsageError
 from heli3dof.results import Result, optional
 
@@ -13,8 +14,8 @@ class Four(Result):
         return "one\ntwo < three\nthree\nfour"
 
 
-def test_the_repr_is_the_first_three_lines_of_the_summary() -> None:
-    assert repr(Four()) == "one\ntwo < three\nthree"
+def test_the_repr_is_the_first_three_lines_of_the_summary_and_counts_the_others() -> None:
+    assert repr(Four()) == "one\ntwo < three\nthree … (1 more in summary())"
 
 
 def test_html_holds_the_whole_summary_escaped() -> None:
@@ -29,3 +30,8 @@ def test_a_class_without_a_registered_figure_is_a_usage_error() -> None:
 def test_a_missing_library_names_the_extra_that_installs_it() -> None:
     with pytest.raises(UsageError, match=r"pip install 'heli3dof\[no_such_library\]'"):
         optional("no_such_library")
+
+
+def test_the_repr_of_a_diagnosis_leaves_out_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Diagnosis, "summary", lambda self: Four().summary())
+    assert repr(Diagnosis(("a",), (), "explained", ())) == Four().summary()

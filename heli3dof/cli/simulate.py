@@ -70,6 +70,7 @@ def simulate(
         )
         write_recording(recording, path, force=force)
     out.show(recording_table(recording, f"{flown.name} on {chosen.name}"))
+    out.warn(*recording.meta.get("warnings", ()))
     out.note(f"Recording: {path}")
     out.emit(
         {

@@ -45,6 +45,7 @@ from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.model.labels import labels
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.same_rig import differing_numbers
 
 __all__ = ["Comparison", "FlightComparison", "compare", "compare_flight"]
 
@@ -159,7 +160,14 @@ def _model_comparison(
         prediction=_prediction_error(flown, made, rows, horizons_s),
         trace=trace,
         cannot=cannot,
+        other_rig=_other_rig(flown, model),
     )
+
+
+def _other_rig(flown: Recording, model: Model) -> str:
+    """Return a sentence if ``model`` is of another rig than the recording; else an empty text."""
+    differing = differing_numbers(model.profile, flown.profile) if model.profile else ""
+    return f"The model is of another rig than the recording: {differing}." if differing else ""
 
 
 def _prediction_error(

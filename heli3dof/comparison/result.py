@@ -58,6 +58,8 @@ class ModelComparison:
     trace: Trace | None
     cannot: tuple[str, ...]
     """Sentences: what could not be computed with this model, and why"""
+    other_rig: str = ""
+    """A sentence, if the model is of another rig than the recording; else empty"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,7 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return sentences on safety trips, and on missing replays and predictions."""
+        """Return sentences on safety trips, other rigs, missing replays and predictions."""
         sentences = []
         for f in self.flights:
             sentences += trip_warning(f.recording)
@@ -122,7 +124,8 @@ class Comparison(Result):
                     "take-off, table and stops."
                 )
             for m in f.models:
-                sentences += [f"{f.recording.name}, {m.name}: {c}" for c in m.cannot]
+                each = [*m.cannot, *([m.other_rig] if m.other_rig else [])]
+                sentences += [f"{f.recording.name}, {m.name}: {c}" for c in each]
         return tuple(sentences)
 
     def summary(self) -> str:

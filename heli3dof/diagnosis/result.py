@@ -203,6 +203,9 @@ class Diagnosis(Result):
         text: str = registered(SUMMARIES, "Diagnosis")(self.to_dict())
         return text
 
+    def __repr__(self) -> str:
+        return self.summary()  # its first three lines would hide causes
+
     def to_dict(
         self, model: str | None = None, upcoming: NextExperiment | None = None
     ) -> dict[str, Any]:

@@ -67,7 +67,9 @@ def doctor(
             each(check)
     except DeviceError as error:
         opened = False
-        check = Check("opening the rig", f"{error.what} {error.cause}".strip(), False, error.fix)
+        cause = f"; likely cause: {error.cause}" if error.cause else ""
+        found = f"{error.what.rstrip('.')}{cause}"
+        check = Check("opening the rig", found, False, error.fix)
         done.append(("rig", check))
         each(check)
     return DoctorReport(device, tuple(done), opened)

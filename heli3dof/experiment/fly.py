@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import DeviceError, Heli3dofError, RecordingError, SafetyTrip, quoted
+from heli3dof.errors import (
+    DeviceError,
+    Heli3dofError,
+    RecordingError,
+    SafetyTrip,
+    UsageError,
+    quoted,
+)
 from heli3dof.experiment.control_loop.loop import Live, fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.control_loop.signal_handling import StopSignals, stop_signals
@@ -91,6 +98,10 @@ class Flight:
             ) from outcome.error
 
 
+FIXED_META = frozenset({"source", "plan", "seed", "seeds", "identity", "device", "rest"})
+"""Keys of a recording's provenance that the argument ``meta`` of `fly_plan` cannot replace"""
+
+
 def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
     """Check the plan and the controller's gain; return the plan's signals.
 
@@ -137,6 +148,12 @@ def fly_plan(
       this call counts (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
+    if fixed := sorted(FIXED_META & (meta or {}).keys()):
+        raise UsageError(
+            f"meta has the key {fixed[0]!r}, which the flight itself sets.",
+            cause="heli3dof records plan, seeds, rig and device of the flight under their names.",
+            fix=f"another key, such as {'own_' + fixed[0]!r}",
+        )
     if output is not None:
         check_ending(Path(output), ".mcap")
         if Path(output).suffix.lower() != ".mcap":

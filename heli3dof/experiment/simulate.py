@@ -12,6 +12,7 @@ from heli3dof.model.base import LoopTask, Model
 from heli3dof.model.control.stability import check_loop
 from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.recording.row import CLOSED_LOOP
+from heli3dof.recording.same_rig import differing_numbers
 from heli3dof.rig.profile import Profile, default_profile
 
 Start = Literal["rest", "level"]
@@ -33,7 +34,8 @@ def simulate(
     ``start``: ``rest`` (on the table, at the profile's rest angles) or ``level``. ``seed``: seed of
     the plan's random signals. ``quantised``: controller and recording get angles rounded to whole
     encoder counts. Raises UsageError for another ``start``, PlanError, or UnstableLoop if the
-    controller does not stabilise the model.
+    controller does not stabilise the model. If ``profile`` is of another rig than the model,
+    ``Recording.meta["warnings"]`` states this.
     """
     if start not in get_args(Start):
         raise UsageError(
@@ -42,6 +44,8 @@ def simulate(
             fix="start='rest' (on the table), or start='level'",
         )
     profile = (profile or model.profile or default_profile()).with_controller()
+    other = differing_numbers(model.profile, profile) if model.profile else ""
+    warning = f"The model {model.name!r} is of another rig than the profile: {other}."
     controller = profile.controller
     assert controller is not None
     signals = checked(plan, profile, seed)
@@ -81,5 +85,6 @@ def simulate(
             "seed": seed,
             "start": start,
             "plan": plan.to_dict(),
+            **({"warnings": [warning]} if other else {}),
         },
     )

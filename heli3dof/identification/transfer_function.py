@@ -72,6 +72,34 @@ class TransferFunctions:
             out.append((complex(z), std))
         return out
 
+    def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the frequency response (F, 3, 2) in rad/V at ``omega`` (F,) rad/s, and its std.
+
+        With G = N/D, s = jω and ν the highest power of a polynomial:
+
+            ∂G = Σ_k s^{ν−k} ∂n_k / D − G Σ_k s^{ν−k} ∂d_k / D
+
+        The standard deviation is √(var Re G + var Im G); NaN if the covariance is unknown.
+        """
+        k, m = len(self.den), self.num.shape[2]
+        s = 1j * np.asarray(omega, dtype=float)
+        D = np.polyval(self.den, s)
+        powers = s[:, None] ** np.arange(max(k, m) - 1, -1, -1)  # (F, max(k, m))
+        G = np.einsum("fk,abk->fab", powers[:, -m:], self.num) / D[:, None, None]
+        if self.covariance is None:
+            return G, np.full(G.shape, np.nan)
+        std = np.empty(G.shape)
+        for a, b in np.ndindex(G.shape[1:]):
+            first = k - 1 + (a * G.shape[2] + b) * m
+            rows = [*range(k - 1), *range(first, first + m)]
+            cov = self.covariance[np.ix_(rows, rows)]
+            by_den = -G[:, a, b, None] * powers[:, -(k - 1) :]
+            slope = np.hstack([by_den, powers[:, -m:]]) / D[:, None]
+            var = np.einsum("fi,ij,fj->f", slope.real, cov, slope.real)
+            var += np.einsum("fi,ij,fj->f", slope.imag, cov, slope.imag)
+            std[:, a, b] = np.sqrt(np.maximum(var, 0))
+        return G, std
+
     def lines(self) -> list[str]:
         """Return lines of text, each of them a transfer function in degrees/V."""
         den = polynomial(self.den)

@@ -21,6 +21,7 @@ from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import control_instants, loop_task, why_not_replayed
 from heli3dof.model.estimation.filter_data import LOST, RowRange
+from heli3dof.model.linear.model import LinearModel
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
@@ -146,16 +147,23 @@ def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     return 0
 
 
-def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
-    """Return why recordings with the indices ``sources`` have no closed-loop replay, or ``""``."""
+def replay_obstacle(prepared: Prepared, sources: Sequence[int], model: Model) -> str:
+    """Return why ``model`` cannot replay the recordings with indices ``sources``, or ``""``.
+
+    The replay has the controller's period, also if the log has another. A linear model has one
+    sampling interval only.
+    """
     for i in sources:
         r = prepared.recordings[i]
         if reason := why_not_replayed(r):
             return f"not available: {r.name}: {reason}"
         if prepared.reports[i].long_gaps:
             return f"not available: {r.name} has long gaps, so references are missing"
-        if abs(r.dt / r.profile.dt - 1) > 0.01:
-            return f"not available: {r.name} was not logged at the control rate"
+        if isinstance(model, LinearModel) and abs(model.dt / r.profile.dt - 1) > 0.01:
+            return (
+                f"not available: the model is for samples every {model.dt * 1e3:.4g} ms, as "
+                f"logged; the control period of {r.name} is {r.profile.dt * 1e3:.4g} ms"
+            )
     return ""
 
 
@@ -193,6 +201,6 @@ def replays(
 def metrics(model: Model, prepared: Prepared, runs: Sequence[RowRange]) -> Metrics:
     """Return all scores of a model over row ranges ``runs``, usually ``prepared.held_out``."""
     prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
-    no_replay = replay_obstacle(prepared, sorted({r.source for r in runs}))
+    no_replay = replay_obstacle(prepared, sorted({r.source for r in runs}), model)
     replay = NO_SCORE if no_replay else score(replays(model, prepared, runs))
     return Metrics(prediction, replay, no_replay)

@@ -109,11 +109,14 @@ class Model(Protocol):
         """
         ...
 
-    def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
+    def to_control(
+        self, *, in_continuous_time: bool = False, dt: float | None = None
+    ) -> control.StateSpace:
         """Return a python-control state-space model from motor voltages (V) to angles (rad).
 
         Voltages and angles are deviations from the trim, about which a nonlinear model is
-        linearised. The result is in discrete time unless ``in_continuous_time`` is true.
+        linearised. The result is in discrete time, with samples every ``dt`` s (None: every control
+        period), unless ``in_continuous_time`` is true.
         """
         ...
 
@@ -127,10 +130,14 @@ def checked_time(seconds: float, name: str) -> float:
 
     ``name``: the name of the caller's argument, for the error message.
     """
-    if not 0 < seconds < float("inf"):
+    try:
+        is_positive = 0 < seconds < float("inf")
+    except TypeError:
+        is_positive = False
+    if not is_positive:
         raise UsageError(
             f"{name} is {seconds}; it must be positive.",
-            cause="a wrong sign, or 0.",
+            cause="a wrong sign, 0, or another object than a number.",
             fix=f"{name} in seconds, above 0"
             + ("; or in_continuous_time=True" if name == "dt" else ""),
         )

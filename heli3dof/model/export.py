@@ -21,24 +21,39 @@ from heli3dof.errors import UsageError, quoted
 from heli3dof.model.base import Model
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.linear.model import LinearModel
+from heli3dof.model.model_file import read_model
 from heli3dof.recording.atomic_write import write_file
+from heli3dof.recording.load import load
 from heli3dof.recording.logs import export as recordings
 from heli3dof.recording.recording import Recording
 
 STATE_UNITS = {"r": "rad", "p": "rad", "psi": "rad", "F_front": "N", "F_back": "N"}
 
 
-def export(source: Recording | Model, path: str | Path, *, force: bool = False) -> Path:
+def export(
+    source: Recording | Model | str | Path, path: str | Path, *, force: bool = False
+) -> Path:
     """Write a recording or a model in the format of the file name's ending; return the path.
+
+    ``source``: the recording or model, or the path of its file (a model's ends in ``.json``).
 
     A recording becomes a table (``.csv``, ``.csv.gz``, ``.mat``, ``.parquet``) or a viewer's file
     (``.mcap``, ``.rrd``, ``.xml``); a model becomes a state-space model for MATLAB (``.mat``).
 
     Raises OutputExists (without ``force``), UsageError (unknown ending; the library for Parquet or
-    Rerun is not installed), NoSpace, or CheckFailed if a nonlinear model cannot hover level.
+    Rerun is not installed; ``source`` is another object), NoSpace, or CheckFailed if a nonlinear
+    model cannot hover level.
     """
+    if isinstance(source, str | Path):
+        source = read_model(source) if Path(source).suffix.lower() == ".json" else load(source)
     if isinstance(source, Recording):
         return recordings.export(source, path, force=force)
+    if not isinstance(source, GreyBoxModel | LinearModel):
+        raise UsageError(
+            f"source is of the type {type(source).__name__}, not a recording or a model.",
+            cause="another object was passed; a profile is saved by save_profile.",
+            fix="export(flight.recording, 'flight.csv'), or export(identified.model, 'model.mat')",
+        )
     check_model_format(Path(path))
     from scipy.io import savemat
 

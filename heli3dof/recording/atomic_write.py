@@ -16,7 +16,7 @@ from typing import BinaryIO
 from heli3dof.errors import OutputExists, UsageError, quoted
 from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
-FORMATS = (".json", ".rrd", ".xml")
+FORMATS = (".json", ".rrd", ".toml", ".xml")
 """Endings of the formats that heli3dof writes, in addition to those of the importers"""
 
 
@@ -104,7 +104,9 @@ def check_ending(path: Path, ending: str) -> None:
         raise UsageError(
             f"{path} would be a {ending} file, but its name ends in {wrong}.",
             cause="the output was given the name of a file of another format.",
-            fix=f"-o {name}, then heli3dof export {name}; in Python the function export",
+            fix=f"the name {name}"
+            if ending == ".toml"
+            else f"-o {name}, then heli3dof export {name}; in Python the function export",
         )
 
 

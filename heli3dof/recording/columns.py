@@ -34,7 +34,7 @@ def export_columns(recording: Recording) -> dict[str, np.ndarray]:
                 columns[name.replace("_rad", "_deg")] = np.rad2deg(values)
             else:
                 columns[name] = values
-    columns = {name: v for name, v in columns.items() if not np.isnan(v).all()}
+    columns = {name: v for name, v in columns.items() if name == "t_s" or not np.isnan(v).all()}
     for name, values in recording.channels.items():
         columns[name if name not in columns else f"channel_{name}"] = values
     return columns

@@ -1,18 +1,25 @@
-"""`check_distinct`: refuses equal training recordings, and hold-out data equal to one of them."""
+"""`check_distinct`: refuses training recordings that share samples with one another or held-out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.recording import Recording
+from heli3dof.recording.recording import Recording, rounded
+
+CHANGES = 50
+"""Consecutive equal samples with at least this many changes of an angle are the same data. Between
+them, the rig was still. Two flights agree in so many changes only if one seed made both: about 1 s
+of motion at 500 Hz. Chosen, not derived."""
 
 
 def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
-    """Raise UsageError if a recording in ``train`` has the same samples as another in either list.
+    """Raise UsageError if a recording in ``train`` shares samples with another in either list.
 
     Names are not compared. Samples that are twice in ``train`` would count twice. Samples in both
-    ``train`` and ``holdout`` would not be held out. Equal recordings in ``holdout`` are allowed.
+    ``train`` and ``holdout`` would not be held out. ``holdout`` may contain samples twice.
     """
     names = {r.digest: r.name for r in train}
     for r in holdout:
@@ -30,3 +37,47 @@ def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> 
             cause="a recording was given twice, or one is a copy of another.",
             fix="give every flight once",
         )
+    for one, other, role in _pairs(train, holdout):
+        if (span := _shared_span(one, other)) is not None:
+            raise UsageError(
+                f"Training recording {one.name} and {role} recording {other.name} share the "
+                f"samples from t = {span[0]:.6g} s to {span[1]:.6g} s.",
+                cause="they are parts of one flight that overlap.",
+                fix="choose parts that do not overlap: recording.between(0, 40) and "
+                "recording.between(40, 60); or another flight",
+            )
+
+
+def _pairs(
+    train: Sequence[Recording], holdout: Sequence[Recording]
+) -> Iterator[tuple[Recording, Recording, str]]:
+    """Yield each training recording with each later one, and with each held-out recording."""
+    for k, one in enumerate(train):
+        yield from ((one, other, "training") for other in train[k + 1 :])
+        yield from ((one, other, "held-out") for other in holdout)
+
+
+def _shared_span(one: Recording, other: Recording) -> tuple[float, float] | None:
+    """Return the first and last time in s of data in both recordings; None if they share none.
+
+    Samples at equal times are compared. Two emulated flights with one seed are equal until their
+    plans differ. So equal samples at the start of both recordings do not count, unless one of the
+    recordings ends with them.
+    """
+    times, i, j = np.intersect1d(rounded(one.t), rounded(other.t), return_indices=True)
+    equal = np.ones(len(times), dtype=bool)
+    changed = np.zeros(len(times), dtype=bool)
+    for array in ("voltage", "angle"):
+        a, b = (rounded(getattr(r, array)[rows]) for r, rows in ((one, i), (other, j)))
+        equal &= ((a == b) | (np.isnan(a) & np.isnan(b))).all(axis=1)
+        if array == "angle":
+            changed[1:] = (np.diff(np.nan_to_num(a), axis=0) != 0).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], equal, [False])).astype(int)))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        is_start_of_both = i[start] == 0 and j[start] == 0
+        is_end_of_one = i[stop - 1] == len(one) - 1 or j[stop - 1] == len(other) - 1
+        if is_start_of_both and not is_end_of_one:
+            continue
+        if np.count_nonzero(changed[start:stop]) >= CHANGES:
+            return float(times[start]), float(times[stop - 1])
+    return None

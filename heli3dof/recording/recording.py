@@ -8,7 +8,9 @@ before this interval. Units are SI: s, V, rad.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
-from heli3dof.errors import UsageError, listed
+from heli3dof.errors import RecordingError, UsageError, listed
 from heli3dof.recording.columns import ARRAYS, export_columns, unit_of
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
@@ -35,7 +37,9 @@ LISTED = 8
 class Recording(Result):
     """A flight: arrays over N samples, the rig's profile and the provenance.
 
-    Columns that were not logged contain only NaN. ``axes``, ``has_reference`` and ``has_cmd``
+    All arrays are read-only, so that no calculation changes a recording: ``angle = r.angle.copy()``
+    gives an array to change, and `make_recording` a recording of it. Columns that were not logged
+    contain only NaN. ``axes``, ``has_reference`` and ``has_cmd``
     (voltage before the limiter) state which were logged.
     """
 
@@ -62,6 +66,7 @@ class Recording(Result):
     """s, in a part of a recording: the time of the whole recording's first sample. None: t[0]."""
 
     def __post_init__(self) -> None:
+        self._own_arrays()
         n = self.t.size
         shapes = {"t": (n,), **{array: (n, len(names)) for array, names in ARRAYS.items()}}
         checked = [(name, getattr(self, name).shape, shape) for name, shape in shapes.items()]
@@ -73,6 +78,22 @@ class Recording(Result):
                     cause="a transposed array, or signals of different lengths.",
                     fix="pass arrays with one row per sample",
                 )
+
+    def _own_arrays(self) -> None:
+        """Make all arrays read-only, and copy what the caller may still change.
+
+        These are writable arrays, ``channels`` and ``meta``.
+        """
+        for name in ("t", *ARRAYS):
+            object.__setattr__(self, name, _read_only(getattr(self, name)))
+        channels = {name: _read_only(signal) for name, signal in self.channels.items()}
+        object.__setattr__(self, "channels", channels)
+        object.__setattr__(self, "meta", deepcopy(dict(self.meta)))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled or copied recording; pickle itself would make its arrays writable."""
+        self.__dict__.update(state)
+        self._own_arrays()
 
     def summary(self) -> str:
         """Return three lines of text: the recording's size and outcome, axes, channels."""
@@ -105,14 +126,14 @@ class Recording(Result):
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray data set over ``t_s``: the columns of `to_dataframe` with their units.
 
-        Raises UsageError if xarray is missing.
+        The arrays are copies. Raises UsageError if xarray is missing.
         """
         xr = optional("xarray")
         columns = export_columns(self)
         t_s = columns.pop("t_s")
-        data = {name: ("t_s", v, {"units": unit_of(name)}) for name, v in columns.items()}
+        data = {name: ("t_s", v.copy(), {"units": unit_of(name)}) for name, v in columns.items()}
         about = {"name": self.name, "profile": self.profile.name, "digest": self.digest}
-        return xr.Dataset(data, coords={"t_s": ("t_s", t_s, {"units": "s"})}, attrs=about)
+        return xr.Dataset(data, coords={"t_s": ("t_s", t_s.copy(), {"units": "s"})}, attrs=about)
 
     def __len__(self) -> int:
         return int(self.t.shape[0])
@@ -123,13 +144,13 @@ class Recording(Result):
 
     @property
     def dt(self) -> float:
-        """Return the median sample interval in s."""
-        return float(np.median(np.diff(self.t)))
+        """Return the median sample interval in s; NaN for fewer than two samples."""
+        return float(np.median(np.diff(self.t))) if len(self) > 1 else math.nan
 
     @property
     def duration(self) -> float:
-        """Return the time from the first to the last sample in s."""
-        return float(self.t[-1] - self.t[0])
+        """Return the time from the first to the last sample in s; 0 without samples."""
+        return float(self.t[-1] - self.t[0]) if len(self) else 0.0
 
     @property
     def elapsed_s(self) -> FloatArray:
@@ -188,16 +209,47 @@ class Recording(Result):
         """
         h = hashlib.sha256()
         for a in (self.t, self.voltage, self.angle):
-            h.update((np.round(a, 9) + 0.0).astype("<f8").tobytes())
+            h.update(rounded(a).astype("<f8").tobytes())
         return h.hexdigest()
 
     def between(self, start_s: float, stop_s: float) -> Recording:
-        """Return the part of the recording with start_s ≤ t < stop_s; profile and meta are kept."""
-        keep = (self.t >= start_s) & (self.t < stop_s)
+        """Return the part of the recording with start_s ≤ t < stop_s; profile and meta are kept.
+
+        Raises UsageError if no sample lies there.
+        """
+        try:
+            start, stop = float(start_s), float(stop_s)
+        except (TypeError, ValueError):
+            start = stop = math.nan
+        keep = (self.t >= start) & (self.t < stop)
+        if not keep.any():
+            covered = f"t = {self.t[0]:.6g} s to {self.t[-1]:.6g} s" if len(self) else "no time"
+            raise UsageError(
+                f"{self.name} has no samples between {start_s!r} s and {stop_s!r} s.",
+                cause="the first time is not less than the second, or the part lies outside; the "
+                f"recording covers {covered}.",
+                fix="recording.between(first time, later time), both in s as in recording.t",
+            )
         return self.rows(keep)
 
     def rows(self, keep: BoolArray | IndexArray | slice) -> Recording:
-        """Return a recording of the samples that a mask (N,), an index array or a slice selects."""
+        """Return a recording of the samples that a mask (N,), an index array or a slice selects.
+
+        Raises UsageError if ``keep`` selects no samples, or samples that do not exist.
+        """
+        try:
+            selected = np.atleast_1d(np.arange(len(self))[keep])
+        except (IndexError, TypeError, ValueError) as error:
+            selected = np.zeros(0, dtype=int)
+            cause = f"{error}."
+        else:
+            cause = "the part lies outside of the recording, or the mask is False throughout."
+        if selected.ndim != 1 or not selected.size:
+            raise UsageError(
+                f"The selection contains none of the {len(self)} samples of {self.name}.",
+                cause=cause,
+                fix="rows(slice(0, 1000)), or rows(recording.t > 5)",
+            )
         arrays: dict[str, Any] = {name: getattr(self, name)[keep] for name in ("t", *ARRAYS)}
         return replace(
             self,
@@ -205,6 +257,30 @@ class Recording(Result):
             channels={k: v[keep] for k, v in self.channels.items()},
             start_s=self.t[0] if self.start_s is None and len(self) else self.start_s,
         )
+
+
+def check_samples(recording: Recording, argument: str = "recording") -> None:
+    """Raise RecordingError if a recording has no samples; the message names the ``argument``."""
+    if not len(recording):
+        raise RecordingError(
+            f"{argument}: the recording {recording.name!r} has no samples.",
+            cause="the flight ended before its first control period, or the arrays are empty.",
+            fix="give another flight; recording.summary() states the number of samples",
+        )
+
+
+def _read_only(values: np.ndarray) -> np.ndarray:
+    """Return a read-only copy of a writable array; a read-only array is returned unchanged."""
+    if not values.flags.writeable:
+        return values
+    own = values.copy()
+    own.flags.writeable = False
+    return own
+
+
+def rounded(values: FloatArray) -> FloatArray:
+    """Return ``values`` rounded to 1e-9 without negative zeros, to compare samples of two files."""
+    return np.round(values, 9) + 0.0
 
 
 def output_voltage(reported: np.ndarray, sent: np.ndarray) -> np.ndarray:
@@ -246,9 +322,17 @@ def recording_of_arrays(
         voltage_cmd=fill("voltage_cmd", voltage_cmd, 2),
         voltage_extra=fill("voltage_extra", voltage_extra, 2),
         profile=profile,
-        channels={name: np.asarray(signal) for name, signal in (channels or {}).items()},
+        channels={k: np.asarray(_without_mask(v)) for k, v in (channels or {}).items()},
         meta=dict(meta or {}),
     )
+
+
+def _without_mask(values: ArrayLike) -> ArrayLike:
+    """Return ``values``; a numpy masked array becomes floats, with NaN where it is masked."""
+    if not isinstance(values, np.ma.MaskedArray):
+        return values
+    filled: np.ndarray = np.ma.filled(values.astype(float), np.nan)
+    return filled
 
 
 def _floats(name: str, values: ArrayLike) -> FloatArray:
@@ -259,7 +343,7 @@ def _floats(name: str, values: ArrayLike) -> FloatArray:
     try:
         if np.iscomplexobj(values):
             raise TypeError("complex numbers")
-        return np.asarray(values, dtype=float)
+        return np.asarray(_without_mask(values), dtype=float)
     except (TypeError, ValueError) as error:
         raise UsageError(
             f"{name} is not an array of real numbers: {error}.",

@@ -1,4 +1,8 @@
-"""`check_same_rig`: refuses recordings of different rigs, which one model cannot describe."""
+"""Compare the rigs that profiles describe: one model cannot describe two rigs.
+
+`check_same_rig` refuses recordings of different rigs. `differing_numbers` states in which numbers
+two profiles differ.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from collections.abc import Sequence
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.recording.recording import Recording
+from heli3dof.rig.profile import Profile
 
 
 def check_same_rig(recordings: Sequence[Recording]) -> None:
@@ -15,24 +20,29 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
     Geometry, masses, inertias, thrust gain and encoder counts identify a rig. Controller, limits
     and rest angles may differ.
     """
-    rigs = [_rig_numbers(r) for r in recordings]
-    for r, rig in zip(recordings, rigs, strict=True):
-        differing = [k for k, v in rig.items() if v != rigs[0][k]]
-        if differing:
-            key = differing[0]
+    for r in recordings[1:]:
+        if differing := differing_numbers(r.profile, recordings[0].profile):
             raise UsageError(
-                f"{r.name} is of another rig than {recordings[0].name}: {key} = {rig[key]:g} and "
-                f"{rigs[0][key]:g} in their profiles"
-                + (f" (and {len(differing) - 1} more)." if differing[1:] else "."),
+                f"{r.name} is of another rig than {recordings[0].name}: {differing}.",
                 cause="flights of two rigs were given, or the profile was corrected in between.",
                 fix="give flights of one rig; if it is the same rig, load them with "
                 "profile='FILE.toml'",
             )
 
 
-def _rig_numbers(r: Recording) -> dict[str, float]:
+def differing_numbers(one: Profile, other: Profile) -> str:
+    """Return a number in which two rigs differ, for a message; an empty text for equal rigs."""
+    numbers, others = _rig_numbers(one), _rig_numbers(other)
+    differing = [k for k, v in numbers.items() if v != others[k]]
+    if not differing:
+        return ""
+    key, *further = differing
+    more = f" (and {len(further)} more)" if further else ""
+    return f"{key} = {numbers[key]:g} and {others[key]:g} in their profiles{more}"
+
+
+def _rig_numbers(p: Profile) -> dict[str, float]:
     """Return key → value of a rig's geometry, masses, inertias, thrust gain and encoder counts."""
-    p = r.profile
     parts = {"geometry": p.geometry, "mass": p.mass}
     numbers = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
     numbers["motor.K_f"] = p.motor.K_f

@@ -34,7 +34,8 @@ CORE = {"t_s", *(name for names in ARRAYS.values() for name in names)}
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
     """Write a recording to the MCAP file ``path`` and return the path.
 
-    `read_recording` restores equal arrays, channels and meta. Raises OutputExists if the file
+    `read_recording` restores equal arrays, channels and meta, which is stored as JSON: tuples in it
+    become lists. Raises OutputExists if the file
     exists, unless ``force``; NoSpace or UsageError if the file cannot be written. The ending of
     another format, such as .csv, also raises UsageError.
     """

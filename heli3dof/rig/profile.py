@@ -431,10 +431,14 @@ class Profile(Section):
         K: (2, 8), rows front and back, columns as in `ControllerSpec`. Raises ProfileError for
         another shape or a gain that is not finite.
         """
-        gain = np.asarray(K, dtype=float)
+        try:
+            gain = np.asarray(K, dtype=float)
+        except (TypeError, ValueError):
+            gain = np.array(np.nan)
         if gain.shape != (2, 8) or not np.isfinite(gain).all():
             raise ProfileError(
-                f"The gain K has the shape {gain.shape} or is not finite; it needs 2 × 8 numbers.",
+                f"The gain K has the shape {gain.shape}, or elements that are no finite numbers; "
+                "it needs 2 × 8 numbers.",
                 cause="it is transposed, or designed for another state.",
                 fix="rows front, back; columns r, p, ψ errors, rates ṙ, ṗ, ψ̇, integrals ∫r, ∫ψ",
             )

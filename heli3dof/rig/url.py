@@ -37,10 +37,13 @@ class DeviceUrl:
         known = list(known)
         for name in self.options:
             if name not in known:
+                hint = did_you_mean(name, known) if known else "this driver has no options."
                 raise UsageError(
                     f"{self.text}: the {self.scheme}: driver has no option {name!r}.",
-                    cause=f"a typing error; {did_you_mean(name, known)}",
-                    fix=f"heli3dof devices, or one of: {', '.join(known)}",
+                    cause=f"a typing error; {hint}" if known else hint,
+                    fix=f"heli3dof devices, or one of: {', '.join(known)}"
+                    if known
+                    else f"--device {self.text.partition('?')[0]}",
                 )
 
 

@@ -144,6 +144,7 @@ def test_doctor_exits_with_3_if_the_rig_does_not_open_and_prints_the_other_check
     checks = result.document["checks"]
     assert checks[0]["what"] == "permission"
     assert "busy" in checks[-1]["found"]
+    assert "; likely cause: " in checks[-1]["found"]
     assert result.document["opened"] is False
 
 

@@ -32,6 +32,7 @@ class FakeHover:
     bias_V: float = 0.0
     yaw_sign: float = -1.0
     """+1 for the sign as printed in (10), which K_g does not stabilise (E3)."""
+    profile = None
 
     def fly(self, task: LoopTask) -> LoopResult:
         n, K = len(task.reference), task.controller.K_g

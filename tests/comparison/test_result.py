@@ -11,6 +11,7 @@ from heli3dof.comparison.metrics import METRICS
 from heli3dof.comparison.result import Comparison
 from heli3dof.rig.profile import default_profile
 from tests.comparison.fakes import FakeHover, flight
+from tests.recording.make import changed
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +29,7 @@ def test_the_repr_is_three_lines_with_each_models_errors(comparison: Comparison)
 
 
 def test_the_summary_has_a_dash_for_an_axis_without_an_error() -> None:
-    one_axis = flight(name="one")
-    one_axis.angle[:, 2] = np.nan
+    one_axis = changed(flight(name="one"), "angle", (slice(None), 2), np.nan)
     comparison = compare([one_axis], [FakeHover()])
     assert "nan" not in comparison.summary()
     assert ", –" in repr(comparison)

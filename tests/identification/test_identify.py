@@ -24,6 +24,7 @@ from heli3dof.identification.validation import metrics
 from heli3dof.recording.recording import Recording
 from tests.identification.flights import flight, linear_truth
 from tests.paths import needs_real_data
+from tests.recording.make import changed
 
 identify = partial(identify_any, method="pem")
 
@@ -217,8 +218,7 @@ def test_an_impossible_order_is_rejected(order: int) -> None:
 
 
 def test_a_one_angle_recording_is_rejected() -> None:
-    rec = flight(seconds=10)
-    rec.angle[:, 1:] = np.nan
+    rec = changed(flight(seconds=10), "angle", (slice(None), slice(1, None)), np.nan)
     with pytest.raises(RecordingError, match="roll, but not pitch, yaw"):
         identify(rec)
 

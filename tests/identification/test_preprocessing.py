@@ -8,6 +8,7 @@ from heli3dof.identification.preprocessing import checked_timing, prepare, segme
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
+from tests.recording.make import changed
 
 DT = 0.002
 
@@ -33,8 +34,7 @@ def test_segments_hold_mean_voltages_and_angles_at_the_interval_start() -> None:
 
 def test_the_mean_voltage_is_weighted_by_hold_time() -> None:
     t = np.cumsum(np.r_[0, np.tile([0.0022, 0.0018], 5000)])[:10_000]
-    rec = flying(t=t)
-    rec.voltage[0], rec.voltage[1] = 1.0, 2.0
+    rec = changed(flying(t=t), "voltage", slice(0, 2), [[1.0], [2.0]])
     u, _ = segments(prepare([rec]), [RowRange(0, 0, 4)], 2)[0]
     # (1 V · 2.2 ms + 2 V · 1.8 ms) / 4 ms = 1.45 V
     np.testing.assert_allclose(u[0], 1.45)
@@ -110,16 +110,15 @@ def test_held_out_recordings_are_never_fitted() -> None:
 
 
 def test_a_nan_is_left_out_and_counted() -> None:
-    rec = flying()
-    rec.angle[5000, 1] = np.nan
+    rec = changed(flying(), "angle", (5000, 1), np.nan)
     p = prepare([rec])
     assert p.reports[0].left_out["unread"] == pytest.approx(1e-4)
     assert all(not (r.start <= 5000 < r.stop) for r in (*p.train, *p.held_out))
 
 
 def test_a_short_flight_states_which_seconds_are_left_out() -> None:
-    rec = flying(2000)
-    rec.angle[:500, 0] = np.radians(-27.5)  # 1 s on the table, then 3 s of the climb
+    # 1 s on the table, then 3 s of the climb
+    rec = changed(flying(2000), "angle", (slice(500), 0), np.radians(-27.5))
     with pytest.raises(RecordingError) as caught:
         prepare([rec])
     assert "1.0 s on the table, 3.0 s of the climb (at least 3 s after" in caught.value.cause
@@ -131,13 +130,13 @@ def test_a_short_flight_states_which_seconds_are_left_out() -> None:
         (lambda r: r.rows(slice(0, 2)), "has only 2 samples; at least 3 are needed"),
         (lambda r: r.rows(slice(0, 1000)), "only 1.5 s of 2.0 s are usable"),
         (
-            lambda r: _set(r, "angle", np.s_[:, 1:], np.nan),
+            lambda r: changed(r, "angle", np.s_[:, 1:], np.nan),
             "not usable alone: it holds roll, but not pitch",
         ),
-        (lambda r: _set(r, "angle", np.s_[:], np.nan), "holds no angle"),
-        (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant throughout"),
-        (lambda r: _set(r, "t", np.s_[500], r.t[499]), "does not increase at row 501: t_s = "),
-        (lambda r: _set(r, "t", np.s_[500], np.nan), "does not increase at row 501"),
+        (lambda r: changed(r, "angle", np.s_[:], np.nan), "holds no angle"),
+        (lambda r: changed(r, "voltage", np.s_[:], 7.4), "constant throughout"),
+        (lambda r: changed(r, "t", np.s_[500], r.t[499]), "does not increase at row 501: t_s = "),
+        (lambda r: changed(r, "t", np.s_[500], np.nan), "does not increase at row 501"),
     ],
 )
 def test_an_unusable_recording_is_rejected_with_its_reason(spoil, message) -> None:  # type: ignore[no-untyped-def]
@@ -145,11 +144,6 @@ def test_an_unusable_recording_is_rejected_with_its_reason(spoil, message) -> No
         prepare([spoil(flying())])
     assert caught.value.fix
     assert caught.value.cause
-
-
-def _set(rec: Recording, name: str, where, value) -> Recording:  # type: ignore[no-untyped-def]
-    getattr(rec, name)[where] = value
-    return rec
 
 
 def test_no_recording_is_an_error() -> None:

@@ -98,11 +98,23 @@ def test_a_diverging_loop_has_a_huge_error(flown: Recording) -> None:
 
 def test_the_reason_for_no_replay_is_given(flown: Recording) -> None:
     unknown = replace(flown, profile=flown.profile.model_copy(update={"controller": None}))
-    result = metrics(hover_model(flown.profile), prepare([unknown]), prepare([unknown]).held_out)
+    model = hover_model(flown.profile)
+    result = metrics(model, prepare([unknown]), prepare([unknown]).held_out)
     assert "has no [controller]" in result.no_replay == result.replay_note
     assert np.isnan(result.replay.fit_percent).all()
     blind = replace(flown, reference=np.full_like(flown.reference, np.nan))
-    assert "no reference was recorded" in replay_obstacle(prepare([blind]), [0])
+    assert "no reference was recorded" in replay_obstacle(prepare([blind]), [0], model)
+
+
+def test_a_decimated_log_is_replayed_with_the_controllers_period(flown: Recording) -> None:
+    slow = prepare([flown.rows(slice(None, None, 5))])
+    model = hover_model(flown.profile)
+    whole = metrics(model, prepare([flown]), prepare([flown]).held_out)
+    result = metrics(model, slow, slow.held_out)
+    assert result.no_replay == ""
+    np.testing.assert_allclose(result.replay.rmse, whole.replay.rmse, rtol=0.05)
+    result = metrics(hover_model(flown.profile, dt=0.01), slow, slow.held_out)
+    assert "every 10 ms, as logged; the control period of " in result.no_replay
 
 
 def test_every_horizon_of_the_contract_is_in_the_json(flown: Recording) -> None:

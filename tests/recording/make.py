@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,18 @@ def flight(
         voltage_cmd=V + profile.motor.V_o,
         meta={"name": "made-up", "source": "test", "seed": seed},
     )
+
+
+def changed(recording: Recording, array: str, index: Any, values: Any) -> Recording:
+    """Return a copy of ``recording`` in which ``array[index]`` has other values."""
+    own = getattr(recording, array).copy()
+    own[index] = values
+    return replace(recording, **{array: own})
+
+
+def empty() -> Recording:
+    """A recording without samples, as of a flight that ended before its first period."""
+    return recording_of_arrays(np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), open_profile())
 
 
 def tick(k: int) -> Row:

@@ -37,7 +37,8 @@ def test_two_lost_samples_get_rows_with_the_voltage_held_and_no_angle() -> None:
 def test_a_late_sample_is_not_a_lost_one() -> None:
     t = DT * np.arange(100.0)
     t[50] += 0.8 * DT
-    assert fill_gaps(counting(t), 6.5)[0].t is t
+    late = counting(t)
+    assert fill_gaps(late, 6.5)[0] is late
     lost_49 = fill_gaps(counting(np.delete(t, 49)), 6.5)
     assert np.delete(np.arange(100), 49).tolist() == lost_49[1].tolist()
 

@@ -151,7 +151,7 @@ def selection_score(model: LinearModel, prepared: Prepared) -> float:
     """Return the score of ``model`` on the training runs (see the module); −∞ if not finite."""
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
-    if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):
+    if not validation.replay_obstacle(prepared, sorted({r.source for r in runs}), model):
         scores.append(validation.score(validation.replays(model, prepared, runs)))
     fit = np.array([s.fit_percent for s in scores])
     return float(fit.mean()) if np.isfinite(fit).all() else -np.inf

@@ -75,13 +75,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         poles=rightmost_first(found),
         transfer=transfer,
         warnings=(FOURTH_ORDER,),
-        response=partial(_response, model),
+        response=transfer.response,
     )
-
-
-def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    G = model.continuous().response(omega)
-    return G, np.full(G.shape, np.nan)
 
 
 def simulation_errors(

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heli3dof.errors import UnstableLoop
+from heli3dof.errors import UnstableLoop, UsageError
 from heli3dof.model.base import Model
 from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 from heli3dof.model.linear.hover import hover_model
@@ -20,14 +20,20 @@ MARGIN = 1e-4
 """rad/s; a pole with real part ≥ −`MARGIN` counts as unstable."""
 
 
-def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:
+def check_loop(model: Model, controller: ControllerSpec | None, dt: float) -> np.ndarray:
     """Return `Model.loop_poles` (rad/s, rightmost first); raise UnstableLoop if one is unstable.
 
     The exception names the poles with real part ≥ −`MARGIN` (rad/s). The hover model's poles are
     those of the continuous loop. For the hover model, this function also checks, but does not
     return, the poles of the loop that is sampled every ``dt`` s and has the derivative filter: a
-    low sampling rate may destabilise that loop.
+    low sampling rate may destabilise that loop. Raises UsageError if there is no controller.
     """
+    if not isinstance(controller, ControllerSpec):
+        raise UsageError(
+            f"controller is {controller!r}, not a profile's controller.",
+            cause="the profile has no [controller], because the log's controller is unknown.",
+            fix="profile.with_controller().controller is the default one",
+        )
     poles = model.loop_poles(controller, dt)
     _check(
         poles,

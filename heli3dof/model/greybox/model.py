@@ -104,7 +104,7 @@ class GreyBoxModel:
         """Return the linearised model at hover, sampled every ``dt`` s (None: control period)."""
         from heli3dof.model.greybox.linearisation import linear
 
-        return linear(self, self.profile.dt if dt is None else dt)[0]
+        return linear(self, self.profile.dt if dt is None else checked_time(dt, "dt"))[0]
 
     def to_control(
         self, *, in_continuous_time: bool = False, dt: float | None = None

@@ -21,7 +21,7 @@ from heli3dof.errors import UsageError, quoted
 from heli3dof.recording.atomic_write import check_outputs, write_file
 from heli3dof.recording.columns import export_columns
 from heli3dof.recording.mcap_files.mcap_writer import to_json
-from heli3dof.recording.recording import Recording
+from heli3dof.recording.recording import Recording, check_samples
 from heli3dof.recording.viewers.foxglove_file import foxglove_bytes
 from heli3dof.recording.viewers.rerun_file import rrd_bytes
 
@@ -32,8 +32,9 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     """Write a recording in the format that the file name's ending states; return the path.
 
     Raises OutputExists (without ``force``), UsageError (unknown ending; the library for Parquet or
-    Rerun is not installed) or NoSpace.
+    Rerun is not installed), NoSpace, or RecordingError if the recording has no samples.
     """
+    check_samples(recording)
     path = Path(path)
     check_outputs(path, force=force)
     check_format(path)

@@ -33,8 +33,9 @@ def make_recording(
 
     ``t`` (N,) in s; voltages (N, 2) in V, front and back; ``angle``, ``reference`` (N, 3) in rad,
     roll, pitch and yaw; ``channels``: further signals, name → (N,). ``voltage_cmd``: before the
-    limiter; ``voltage_extra``: added by the experiment. A column of NaN was not logged. Warnings
-    are in ``Recording.meta["warnings"]``. The class `Recording` itself checks shapes only.
+    limiter; ``voltage_extra``: added by the experiment. A column of NaN was not logged. A row
+    with a NaN or a masked element is a lost sample. Warnings are in ``Recording.meta["warnings"]``.
+    The class `Recording` itself checks shapes only.
 
     Raises UsageError for an array of a wrong shape, RecordingError for values that no rig has.
     """

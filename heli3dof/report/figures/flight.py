@@ -9,7 +9,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_task import under_control
-from heli3dof.recording.recording import Recording
+from heli3dof.recording.recording import Recording, check_samples
 from heli3dof.report.figures.labelled_curves import Curve, label_ends, limits
 from heli3dof.report.figures.style import (
     BLUE,
@@ -31,7 +31,11 @@ if TYPE_CHECKING:
 
 
 def flight_figure(recording: Recording) -> Figure:
-    """Draw a recording over time: angles and references in degrees, both motor voltages in V."""
+    """Draw a recording over time: angles and references in degrees, both motor voltages in V.
+
+    Raises RecordingError if the recording has no samples.
+    """
+    check_samples(recording)
     panels: list[tuple[str, list[Curve]]] = []
     for axis in recording.axes:
         i = AXES.index(axis)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,22 @@ def test_json_holds_every_entry_in_degrees_per_volt() -> None:
     entry = document["entries"][3]
     assert (entry["input"], entry["output"]) == ("v_back_V", "roll_deg")
     np.testing.assert_allclose(entry["numerator"][1:], NUM_DEG[1, 0])
+
+
+def test_the_frequency_response_has_the_standard_deviation_of_its_coefficients() -> None:
+    q = 4 + 3 * 2 * 5
+    root = np.random.default_rng(1).standard_normal((q, q)) * 1e-4
+    exact = replace(eq17(), covariance=root @ root.T)
+    omega = np.array([0.5, 2.0])
+    G, std = exact.response(omega)
+    A, B, C = state_space(eq17(), T := 1e-4)
+    z = np.exp(1j * omega * T)
+    sampled = [C @ np.linalg.solve(w * np.eye(len(A)) - A, B) for w in z]
+    np.testing.assert_allclose(G, sampled, atol=1e-3 * np.abs(G).max())
+    drawn = []
+    for change in np.random.default_rng(2).standard_normal((3000, q)) @ root.T:
+        den = DEN + np.r_[0.0, change[:4]]
+        num = exact.num + change[4:].reshape(3, 2, 5)
+        drawn.append(TransferFunctions(num, den).response(omega)[0])
+    np.testing.assert_allclose(std, np.std(drawn, axis=0), rtol=0.1)
+    assert np.isnan(eq17().response(omega)[1]).all()

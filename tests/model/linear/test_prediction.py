@@ -19,6 +19,7 @@ from tests.model.examples import DEG, PROFILE, in_another_basis, step_task
 from tests.model.linear.test_initial_state import with_rotor_lag
 from tests.pace import timed
 from tests.paths import REAL_DATA, needs_real_data
+from tests.recording.make import changed
 
 HOVER = hover_model(PROFILE)
 GRID = PROFILE.encoder.rad_per_count
@@ -84,13 +85,11 @@ def test_angles_after_k_minus_horizon_and_voltages_from_k_on_do_not_matter(
 ) -> None:
     flight = hover_flight(3.0)
     h, k = 100, 1200
-    spoilt = replace(flight, angle=flight.angle.copy(), voltage=flight.voltage.copy())
-    spoilt.angle[k - h + 1 :] += 1.0
-    spoilt.voltage[k:] += 5.0
+    spoilt = changed(flight, "angle", slice(k - h + 1, None), flight.angle[k - h + 1 :] + 1.0)
+    spoilt = changed(spoilt, "voltage", slice(k, None), flight.voltage[k:] + 5.0)
     before, after = predict(model, flight, h * 0.002), predict(model, spoilt, h * 0.002)
     np.testing.assert_allclose(after[: k + 1], before[: k + 1], atol=1e-9)
-    touched = replace(flight, angle=flight.angle.copy())
-    touched.angle[k - h] += 0.01
+    touched = changed(flight, "angle", k - h, flight.angle[k - h] + 0.01)
     assert abs(predict(model, touched, h * 0.002)[k] - before[k]).max() > 1e-5
 
 
@@ -137,8 +136,7 @@ def test_a_biased_voltage_costs_what_it_does_within_the_horizon_and_no_more() ->
 
 def test_an_axis_that_was_not_measured_is_not_predicted_and_does_no_harm() -> None:
     flight = hover_flight(quantised=False)
-    lost = replace(flight, angle=flight.angle.copy())
-    lost.angle[:, 2] = np.nan
+    lost = changed(flight, "angle", (slice(None), 2), np.nan)
     for model in (HOVER, replace(innovation_model(), y0=np.array([0.0, 0.0, 0.1]))):
         y = predict(model, lost, 0.1)
         assert np.isnan(y[:, 2]).all()
@@ -157,9 +155,8 @@ def test_an_axis_that_is_not_modelled_is_not_predicted() -> None:
 
 def test_single_lost_readings_and_voltages_are_bridged() -> None:
     flight = hover_flight(quantised=False)
-    holes = replace(flight, angle=flight.angle.copy(), voltage=flight.voltage.copy())
-    holes.angle[1000::97] = np.nan
-    holes.voltage[1500] = np.nan
+    holes = changed(flight, "angle", slice(1000, None, 97), np.nan)
+    holes = changed(holes, "voltage", 1500, np.nan)
     error = (predict(HOVER, holes, 0.1) - flight.angle)[100:]
     assert abs(error).max() / DEG < 0.01
 

@@ -18,7 +18,7 @@ from heli3dof.recording.logs.export import export, write_csv
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.logs.importers.csv_file import read as read_csv
 from heli3dof.recording.mcap_files.reader import read_recording
-from tests.recording.make import flight, open_profile, write_flight
+from tests.recording.make import changed, flight, open_profile, write_flight
 
 ARRAYS = ("t", "voltage", "angle", "reference", "voltage_cmd", "voltage_extra")
 
@@ -50,8 +50,7 @@ def test_counts_and_flags_survive_csv(tmp_path: Path) -> None:
 
 
 def test_absent_columns_stay_absent(tmp_path: Path) -> None:
-    made = flight(50)
-    made.angle[:, 1] = np.nan
+    made = changed(flight(50), "angle", (slice(None), 1), np.nan)
     assert not {"pitch_deg", "v_front_extra_V"} & export_columns(made).keys()
     assert import_log(export(made, tmp_path / "a.csv"), open_profile()).axes == ("roll", "yaw")
 

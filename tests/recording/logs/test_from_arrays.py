@@ -61,3 +61,13 @@ def test_arrays_that_no_rig_can_have_are_refused(
     with pytest.raises(error, match=message) as caught:
         made(flown, **changed(flown))
     assert "--map" not in str(caught.value)
+
+
+def test_masked_elements_are_lost_samples(flown: Recording) -> None:
+    masked = np.zeros_like(flown.angle, dtype=bool)
+    masked[1000:1100, 0] = True
+    gust = np.ma.masked_equal(np.arange(3000), 5)
+    lossy = made(flown, angle=np.ma.array(flown.angle, mask=masked), channels={"gust": gust})
+    assert len(lossy) == 2900
+    assert "100 of 3000 rows" in lossy.meta["warnings"][0]
+    assert np.flatnonzero(np.isnan(lossy.channels["gust"])).tolist() == [5]
