@@ -128,6 +128,9 @@ def _content(path: Path) -> dict[str, Any]:
 
 
 def _schema(document: Mapping[str, Any]) -> str:
-    """Return a document's schema without version, such as ``diagnosis``; empty if not ours."""
+    """Return the name of a JSON document's schema without its version, such as ``diagnosis``.
+
+    The result is an empty string if the document has no schema of heli3dof.
+    """
     owner, _, schema = str(document.get("schema")).partition("/")[0].partition(".")
     return schema if owner == "heli3dof" else ""

@@ -2,9 +2,11 @@
 
 An encoder with N counts per revolution reads multiples of 2π/N rad, its grid. An angle on the grid
 of another encoder is bad data: the controller and the noise model of a diagnosis use the profile's
-steps. An angle on no grid may be filtered or simulated, which is a note. If the check
-``encoder.counts`` finds that the angle is wrong by a factor, this module does not report the grid:
-the corrected angle has another one.
+steps. If an angle is on no grid, the check reports only a note (the mildest kind of fault), because
+the log may contain filtered or simulated angles.
+
+The check ``encoder.counts`` may report that an angle is wrong by a factor. In this case `grids`
+does not report another encoder's grid, because the corrected angle has a different grid.
 """
 
 from __future__ import annotations
@@ -83,11 +85,11 @@ def grids(view: View) -> Iterable[Fault]:
 
 
 def _axes_to_check(view: View) -> list[int]:
-    """Return the indices of the axes of which `angles` and `grids` check unit and grid.
+    """Return the indices of the axes that `angles` and `grids` check.
 
-    The list is empty if fewer than 20 rows are complete. An axis with 1 to `FEW` jumps of its angle
-    is left out: the test of the unit would take these jumps for a wrong unit. An axis with more
-    jumps is checked, because a wrong unit may cause them.
+    The list is empty if fewer than 20 rows have finite values. It leaves out an axis whose angle
+    has 1 to `FEW` jumps, because the test of the unit would take these jumps for a wrong unit. It
+    includes an axis with more jumps, because a wrong unit may cause them.
     """
     if view.finite_rows.sum() < 20:
         return []

@@ -81,12 +81,14 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """A check of a recording: ``run(view)`` returns faults of the kind that ``reports`` states."""
+    """A check of a recording."""
 
     name: str
     stage: Stage
     reports: str
+    """What the check searches for, in a few words"""
     run: Callable[[View], Iterable[Fault]]
+    """Returns the faults that the check finds in a recording's `View`"""
 
 
 def bad_data_fault(check: str, view: View, error: RecordingError, axis: str | None = None) -> Fault:

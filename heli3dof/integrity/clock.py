@@ -38,7 +38,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield faults of the time stamps' order. Without one, check rate and device clock."""
+    """Check the time stamps by `order`; if it finds no fault, check them by `rate` and `device`."""
     faults = [*order(view)]
     yield from faults
     if not faults:
@@ -97,7 +97,10 @@ def rate(view: View) -> Iterable[Fault]:
 
 
 def _clock_is_wrong(view: View, m: float) -> bool:
-    """Return True if the motion fits the profile's period better than that of the stamps."""
+    """Return True if the motion fits the profile's period better than the time stamps' period.
+
+    ``m``: the time stamps' period, divided by the profile's period.
+    """
     gains = [x.gain for x in view.responses.values() if x.t > SURE and x.explained > EXPLAINED]
     if not gains:
         return False

@@ -1,18 +1,19 @@
 """Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
 **Motion.** `response` fits a model of the motion to each axis. It estimates the response g: the
-acceleration that the voltages cause, as a multiple of the profile's prediction. R² is the
-coefficient of determination of this fit. An axis is
+acceleration that the voltages cause, divided by the profile's prediction. R² is the coefficient of
+determination of this fit. An axis is
 
 * *driven* if the predicted acceleration (`Response.drive`) exceeds `DRIVEN`;
 * *consistent* if |g| is within `RANGE`, |g| exceeds `SURE` standard deviations, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
-The check searches for a swap that explains the motion of the inconsistent axes. If a voltage is
-constant, the swap may instead explain any driven axis. The check tries each pair of columns that
-can affect these axes. A swap becomes a candidate if both of these hold:
+The check selects the inconsistent axes and searches for a swap that explains their motion. If a
+voltage's column is constant, it may contain another signal, such as a constant reference. In this
+case the check selects all driven axes. It tries each pair of columns that can affect a selected
+axis. A swap becomes a candidate if both of these hold:
 
-* At least one of these axes becomes consistent, and its R² increases.
+* At least one selected axis becomes consistent, and the R² of this axis increases.
 * No other axis becomes inconsistent.
 
 M measures how well a log agrees with the profile. It is a sum over the driven axes:
@@ -124,8 +125,10 @@ def _gain_in_range(x: Response) -> bool:
 def agreement(responses: dict[str, Response]) -> float:
     """Return M, which measures how well a log agrees with the profile; it is at most 3.
 
-    M is the sum over the driven axes of R² exp(−½ (ln |g| / `USUAL`)²). An axis has the response g
-    to the voltages, as a multiple of the profile's. R² is the explained share of its motion.
+    ``responses``: {axis: its response g to the voltages}. g is the acceleration that the voltages
+    cause, divided by the profile's prediction. R² is the share of the axis' motion that the fit of
+    g explains. An axis is driven if the predicted acceleration exceeds `DRIVEN`. M is the sum of
+    R² exp(−½ (ln |g| / `USUAL`)²) over the driven axes.
     """
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
@@ -134,9 +137,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_to_explain(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion may show swapped columns: those that disagree with the profile.
+    """Return the axes whose motion may show swapped columns: the `inconsistent` ones.
 
-    If one of the voltages is constant, the function returns all axes that the voltages drive.
+    If a voltage is constant, its column may contain another signal. Then the function returns all
+    axes that the voltages drive.
     ``T``: the recording's columns as a table (`_table`).
     """
     V = np.nan_to_num(T[:, VOLTAGE])

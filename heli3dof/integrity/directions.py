@@ -13,9 +13,9 @@ profile's V_o (`View.hover_ratio`).
     V_o's sign wrong         h < −0.3, and neither g_r nor g_p is negative
 
 The sign of g is *known* if |g| exceeds `SURE` standard deviations, R² of the estimate is at least
-`EXPLAINED`, and the voltages cause accelerations of at least `DRIVE`. If g_p is negative and the
-sign of g_ψ is unknown, two rows of the table fit, and the fault names both causes. The same applies
-if g_ψ is negative and the sign of g_p is unknown.
+`EXPLAINED`, and the predicted accelerations have a standard deviation of at least `DRIVE`. If g_p
+is negative and the sign of g_ψ is unknown, two rows of the table fit, and the fault names both
+causes. The same applies if g_ψ is negative and the sign of g_p is unknown.
 
 Roll's sign is also wrong if the arm starts on the table and roll falls by more than `SINKS`.
 """
@@ -43,9 +43,10 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign (±1) of an axis' response to the voltages; 0 if the estimate is uncertain.
+    """Return the sign (±1) of an axis' response g to the voltages, or 0 if the sign is not known.
 
-    The constants `SURE`, `EXPLAINED` and `DRIVE` state the limits of a certain estimate.
+    The sign is known if |g| exceeds `SURE` standard deviations, R² of the estimate is at least
+    `EXPLAINED`, and the predicted accelerations have a standard deviation of at least `DRIVE`.
     """
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0

@@ -1,4 +1,4 @@
-"""Report angles of which a log repeats each encoder reading in several successive rows.
+"""Report an angle if the log repeats each of its encoder readings in several successive rows.
 
 `heli3dof.recording.logs.held_angles` finds these angles.
 """

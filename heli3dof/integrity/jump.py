@@ -39,9 +39,9 @@ def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the deviation of each step (N − 1,) in rad, and the indices of the jumps among them.
 
     ``i``: index of the axis, 0 to 2. A step is the change of the angle from one row to the next. It
-    spans Δ sampling periods, and the change per period is d. d̄ is the mean d of the two steps next
-    to it. The deviation is min(|d − d̄|, |d|) Δ. A jump is a step whose deviation exceeds the limit
-    in the module's docstring.
+    spans Δ sampling periods, and the change per period is d. d̄ is the mean d of the step before
+    and the step after. The deviation is min(|d − d̄|, |d|) Δ. A jump is a step whose deviation
+    exceeds the limit in the module's docstring.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])

@@ -25,10 +25,14 @@ def is_log(recording: Recording) -> bool:
 def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
     """Return the column that contains ``quantity``, and how import computed it from the log.
 
-    The second value is an expression of the log's columns, such as ``-x[3]``. Other mapped columns
-    in it are replaced by their expressions. If import copied the column unchanged, it is the
-    column's name. ``quantity``: ``roll``, ``pitch``, ``yaw``, or the name of a voltage's column. An
-    angle's column has the unit of the log's mapping, or degrees without a mapping.
+    ``quantity``: ``roll``, ``pitch``, ``yaw``, or the name of a voltage's column. The first value
+    is the column's name. An angle's name has the unit that its ``--map`` option or the profile's
+    ``[log]`` states, such as ``roll_rad``. If neither computes the angle, the name ends in
+    ``_deg``.
+
+    The second value is an expression of the log's columns, such as ``-x[3]``. If import computed
+    the column from another mapped column, the value contains that column's expression instead of
+    its name. If import copied the column unchanged, the second value is the column's name.
     """
     mapping = recording.meta.get("log_mapping") or {}
     names = [f"{quantity}_rad", f"{quantity}_deg", quantity]

@@ -1,8 +1,8 @@
-"""Estimate an axis' response to the voltages as a multiple g of the profile's, in weak form.
+"""Estimate each axis' response g to the voltages, by regression on the equations in weak form.
 
-With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (front, back; V), arm lengths L (m),
-thrust gain K_f (N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations
-(rad/s²)
+g is the acceleration that the voltages cause, divided by the profile's prediction of it. With roll
+r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (front, back; V), arm lengths L (m), thrust gain K_f
+(N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations (rad/s²)
 
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 
@@ -21,8 +21,9 @@ needs the priors in closed loop: there, D is nearly proportional to p and ṗ, s
 nearly collinear with a spring and a damper.
 
 A mass that is added in flight changes c_1 at one instant. The regression then needs one more
-regressor: ∫ φ x_1 after this instant, and zero before it. The instant that explains most is used,
-if this regressor explains more than the share `STEP` of the residual sum of squares.
+regressor: ∫ φ x_1 after this instant, and zero before it. `with_step` tries an instant every
+`STEP_EVERY_S`, and selects the one whose regressor reduces the residual sum of squares most. It
+adds this regressor if the reduction exceeds the share `STEP` of this sum.
 
 Feedback biases g only through noise, towards zero. The standard deviation of g allows for
 overlapping windows and coloured noise (Newey and West).
@@ -44,8 +45,9 @@ PER_WIDTH = 2
 """Windows per half width."""
 LEAST_WINDOWS = 8
 STEP, STEP_EVERY_S, STEP_INSIDE_S = 0.5, 1.0, 3.0
-"""Least share of the residual that a step of c_1 explains; s: interval between the instants tried;
-s: least distance of these instants from the recording's ends"""
+"""`STEP`: least share of the residual sum of squares that a step of c_1 explains. `STEP_EVERY_S`:
+interval between the instants tried, s. `STEP_INSIDE_S`: their least distance from the first and the
+last time window, s."""
 LAGS = 8
 """Largest lag, in windows, of the Newey-West estimate."""
 PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
@@ -54,7 +56,10 @@ PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
 
 @dataclass(frozen=True)
 class Response:
-    """An axis' response to the voltages: its acceleration as a multiple g of the profile's."""
+    """An axis' response g to the voltages, and the quality of this estimate.
+
+    g is the acceleration that the voltages cause, divided by the profile's prediction of it.
+    """
 
     gain: float
     """g"""
@@ -142,12 +147,13 @@ def responses(
 def _evenly_sampled(
     recording: Recording, usable: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the angles, the voltages, and which rows are usable, after insertion of lost samples.
+    """Return angles (M, 3), voltages (M, 2) and usable rows (M,), after insertion of lost samples.
 
     ``usable`` (N,) bool: usable rows; ``number`` (N,): each row's sample number, which also counts
-    lost samples. The angles of a lost sample are interpolated; its other values are those of the
-    sample before it. NaN becomes 0. The control loop holds each voltage from one sample to the
-    next, so two voltages act next to sample k. The voltage returned for row k is their mean.
+    lost samples. The function interpolates the angles of a lost sample. It copies the sample's
+    other values from the row before. NaN becomes 0. The control loop holds each voltage from one
+    sample to the next, so one voltage acts before sample k and another one after it. Row k gets the
+    mean of these two voltages.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
@@ -193,8 +199,9 @@ def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> 
     """Return the regressors X (W, n) of z (W,), and one more if the trim torque changes in flight.
 
     W is the number of time windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the
-    windows' middles, s. The further regressor is ``trim`` after the instant of the change, zero
-    before it. It is added if it explains more than the share `STEP` of the residual sum of squares.
+    windows' middles, s. The further regressor is ``trim`` after the instant of the change, and zero
+    before it. The function selects the instant whose regressor reduces the residual sum of squares
+    most. It adds this regressor if the reduction exceeds the share `STEP` of this sum.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):

@@ -1,8 +1,8 @@
 """Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
 
-`response` estimates each axis' response g to the voltages: its measured acceleration as a multiple
-of the profile's prediction. Let encoder i read k_i times the true angle, and let the thrust be K
-times the profile's. Then roll r, pitch p and yaw ψ have the responses
+`response` estimates each axis' response g to the voltages: the acceleration that they cause,
+divided by the profile's prediction. Let encoder i read k_i times the true angle, and let the thrust
+be K times the profile's thrust. Then roll r, pitch p and yaw ψ have the responses
 
     g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p
 
@@ -22,12 +22,16 @@ counterweight.
   roll by k and estimates all responses again.
 * Yaw's k is tested only if the response of another axis is reliable. J_roll and J_yaw come from the
   same masses, so wrong masses change the responses of roll and yaw alike.
-* Pitch's k is tested only if yaw's response is reliable. Friction, backlash or another inertia can
-  change pitch's response alone.
-* The best hypothesis is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN`. Half
-  of `MARGIN` is enough if the logged angle takes only every k-th count of the encoder.
-* If the logged angle takes all counts, k = 2 has the same effect as half the inertia, and k = ½ the
-  same as twice the inertia. The check then yields a note, in all other cases bad data.
+* Pitch's k is tested only if yaw's response is reliable. Friction, backlash or another inertia
+  changes g_p only, but a wrong k_p changes both g_p and g_ψ.
+* The check reports the hypothesis with the smallest χ² if this χ² ≤ `FITS`, and every other χ² is
+  larger by at least `MARGIN`. If the logged angle changes in steps of k counts of the profile's
+  encoder, these steps also show a wrong k. Then half of `MARGIN` is enough.
+* Without such steps, k = 2 has the same effect as half the inertia, and k = ½ the same effect as
+  twice the inertia. The check therefore reports k = 2 and k = ½ without such steps as a note.
+* If pitch's response is not reliable, a factor k of yaw's encoder has the same effect as a factor
+  1/k of pitch's encoder. The check then names both causes and reports bad data, whatever k is.
+* In all other cases, the check reports a wrong k as bad data.
 
 **Amplifier.** If the motors get K times the logged voltages, g = K on every axis, and h = 1/K. The
 check yields bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does
@@ -68,11 +72,13 @@ SWITCH = 0.25
 def reliable(responses: dict[str, Response]) -> dict[str, Response]:
     """Return those of the ``responses`` that are reliable estimates.
 
-    ``responses``: {axis: its response g to the voltages}. It is reliable if all of these hold:
+    ``responses``: {axis: its response g to the voltages}. g is the acceleration that the voltages
+    cause, divided by the profile's prediction. A response is reliable if all of these hold:
 
-    * g is positive, and its standard deviation is below `PRECISE` g.
+    * g is positive, and its standard deviation is below `PRECISE` times g.
     * R² of the estimate (`Response.explained`) exceeds `GOOD`.
-    * The predicted acceleration of the axis (`Response.drive`) exceeds its limit in `DRIVEN`.
+    * The predicted acceleration's standard deviation (`Response.drive`) exceeds the axis' limit in
+      `DRIVEN`.
     """
     return {
         a: x
@@ -85,11 +91,12 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ²: the misfit of assumed encoder factors k to the axes' responses g to the voltages.
+    """Return χ², which measures how badly assumed encoder factors k explain the responses g.
 
-    ``log_g``: {axis: ln g}; ``log_k``: {axis: ln k}, 0 for an axis that is not listed. ``h``: hover
-    voltage in flight, divided by the profile's; None if unknown. The module's docstring gives the
-    equation.
+    The response g of an axis is the acceleration that the voltages cause, divided by the profile's
+    prediction. k is an encoder's reading, divided by the true angle. ``log_g``: {axis: ln g};
+    ``log_k``: {axis: ln k}, with ln k = 0 for an axis that is not listed. ``h``: hover voltage in
+    flight, divided by the profile's; None if unknown. The module's docstring gives the equation.
     """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:

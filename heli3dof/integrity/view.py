@@ -44,7 +44,11 @@ class View:
 
     @cached_property
     def corrected(self) -> Recording:
-        """Return the recording with true sampling times and limited voltages."""
+        """Return the recording with estimated sampling times and with voltages limited to ±v_max.
+
+        v_max is the amplifier's limit in the profile. The estimate of the times is explained in
+        `heli3dof.recording.logs.sampling_clock`.
+        """
         return corrected(self.recording)
 
     @cached_property
@@ -98,7 +102,8 @@ class View:
     def responses(self) -> dict[str, Response]:
         """Return {axis: its response to the voltages}, of measured axes that the voltages drive.
 
-        A `Response` states the axis' acceleration as a multiple of that in the profile's model.
+        A `Response` has the acceleration that the voltages cause, divided by the profile's
+        prediction.
         """
         return self.responses_to(self.recording)
 

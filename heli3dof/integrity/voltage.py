@@ -2,29 +2,34 @@
 
 Voltages beyond the amplifier's limit ±v_max have one of two causes:
 
-* The log contains the controller's output before the limiter, which
-  `heli3dof.recording.logs.corrections` limits.
+* The log contains the controller's output before the limiter. In this case
+  `heli3dof.recording.logs.corrections` limits the logged voltages to ±v_max.
 * v_max in the profile is too low, and the motors received these voltages.
 
 If more than the share `DIFFERS` of the rows is beyond the limit, the check examines the motion. It
 assumes the second cause if the logged voltages explain the motion better than the limited voltages
 (`explains_better`). In all other cases it assumes the first cause.
 
-h is the hover voltage in flight, divided by the profile's V_o (`View.hover_ratio`). It is 0.5 … 2
-even on rigs that differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have
-another unit, one of them has the wrong sign, or the hover voltage was subtracted.
+h is the mean voltage per motor in flight, corrected for roll and pitch, and divided by the
+profile's hover voltage V_o (`View.hover_ratio`). It is 0.5 … 2 even on rigs that differ from their
+profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, one of them has the wrong
+sign, or the hover voltage was subtracted.
 
-**Hover voltage subtracted.** In flight, the propellers carry the arm, so the motors' voltages have
-a mean near V_o. If a program logs deviations from hover, its voltages lack this mean. Let g be the
-response of an axis to the voltages: its acceleration as a multiple of the profile's prediction
-(`response`). K is the median g of roll and pitch. These axes respond to changes of the voltages, so
-K does not depend on a subtracted mean. Two tests detect that V_o was subtracted:
+**Hover voltage subtracted.** In flight, the thrust carries the weight, so the true voltages have a
+mean near V_o. If a program logs deviations from hover, its voltages lack this mean, and h is near
+0. Two tests distinguish this from another unit. They use the responses g of the axes: g is the
+acceleration that the voltages cause, divided by the profile's prediction (`response`). K is the
+median g of roll and pitch. A subtracted mean does not change K, because roll and pitch respond to
+the changes of the voltages.
 
-* Yaw's torque is proportional to sin p (pitch p) times the voltage sum. If |h| < `NEAR_ZERO`, the
-  check adds V_o to both voltages and then estimates yaw's g. V_o was subtracted if g > K/2. The
-  expected g is K if V_o was subtracted, and K h/(1 + h) < K/4 if not.
-* If yaw moves too little and |h| < `ANOTHER_UNIT`, V_o was subtracted if K < 1/√|h|. The expected K
-  is 1 if V_o was subtracted. With another unit it is 1/h, because the thrust carries the weight.
+* The test of yaw needs |h| < `NEAR_ZERO`. Yaw's torque is proportional to sin p (pitch p) times the
+  voltage sum. The check adds V_o to both voltages and then estimates yaw's g. If V_o was
+  subtracted, the expected g is K. Otherwise it is K h/(1 + h), which is below K/4. So V_o was
+  subtracted if g > K/2.
+* The second test is used if yaw moves too little. It needs |h| < `ANOTHER_UNIT`. If V_o was
+  subtracted, the logged changes are in volts, and the expected K is 1. In another unit, V_o is
+  logged as h V_o. All logged voltages are then h times the true ones, and the expected K is 1/h. So
+  V_o was subtracted if K < 1/√|h|, the geometric mean of 1 and 1/|h|.
 """
 
 from __future__ import annotations
@@ -133,7 +138,10 @@ def _unexplained(response: Response | None) -> float:
 
 
 def unit(view: View) -> Iterable[Fault]:
-    """Yield a fault if the hover voltage shows another unit, or a wrong sign of one voltage."""
+    """Yield a fault if the mean voltage in flight is near zero, instead of near the hover voltage.
+
+    The cause is the wrong sign of one motor's voltage, a subtracted hover voltage or another unit.
+    """
     r, h = view.recording, view.hover_ratio
     if h is None or abs(h) >= NEAR_ZERO:
         return

@@ -214,12 +214,15 @@ def _refuse_wrong_unit(
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Return the number N of counts per revolution for which the angles are multiples of 360°/N.
+    """Return the counts per revolution of the encoder on whose grid the angles lie, or None.
 
-    ``values``: angles (N,) in ``unit``; ``counts``: counts per revolution in the profile. The
-    result is ``counts`` if these fit. It is ``counts``/2, ``counts``/3, … if the angles take only
-    every second, third, … of these counts. If ``counts`` does not fit, it is the number of another
-    common encoder that fits, or None.
+    The grid of an encoder with N counts per revolution has the spacing 360°/N. ``values`` (n,):
+    angles in ``unit``; ``counts``: counts per revolution in the profile.
+
+    If the angles lie on the profile's grid, the result is ``counts``. It is ``counts``/2,
+    ``counts``/3, … if the angles lie only on every second, third, … point of this grid. If they do
+    not lie on the profile's grid, the result is the first number in `COMMON_COUNTS` whose grid
+    fits. None: no grid fits.
     """
     if on_grid(values, TURN[unit] / counts):
         seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))

@@ -105,9 +105,13 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
     """Return ``table`` with the columns that the mappings compute, added or replaced.
 
     ``given``: column → expression from the command line. ``profile``: column → expression from the
-    profile's ``[log]``; for the same column, ``given`` has priority. An expression of ``profile``
-    with an unknown name is ignored if the log already has the column that it would compute. Columns
-    of the log that an expression uses are dropped, unless docs/reference/recording.md names them.
+    profile's ``[log]``. If both compute the same column, ``given`` has priority.
+
+    * An expression in ``profile`` may use a name that the log does not have. The function ignores
+      such an expression if the log already contains the column to be computed.
+    * The function drops the log's columns that the expressions use. It keeps such a column if
+      docs/reference/recording.md lists its name and no mapping replaces it.
+
     Raises UsageError for a faulty expression in ``given``, RecordingError for one in ``profile``.
     """
     for name in given:

@@ -111,7 +111,8 @@ def recording_from_table(
 def check_names(table: Table, rate_hz: float) -> None:
     """Raise RecordingError if a required column is missing, or an angle is given in two units.
 
-    ``rate_hz``: the sampling rate in the profile, for the advice.
+    ``rate_hz``: the sampling rate in the profile. If the log has no time column, the error message
+    proposes to compute the time from this rate.
     """
     names = list(table.columns)
     missing = [required for required in REQUIRED if required not in names]

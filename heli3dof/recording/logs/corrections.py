@@ -1,4 +1,4 @@
-"""Correct a log's times and voltages: true sampling times, voltages at the motors.
+"""Correct the times of a log's samples, and limit its voltages to those that the motors can get.
 
 `sampling_clock.sampling_times` corrects the times. Some logs contain the controller's output before
 the limiter, v_log, instead of the voltages v (V) at the motors:
@@ -20,7 +20,7 @@ from heli3dof.recording.recording import Recording
 
 
 def corrected(recording: Recording) -> Recording:
-    """Return the recording with its true sampling times and with voltages limited to ±v_max."""
+    """Return the recording with estimated sampling times and with voltages limited to ±v_max."""
     return limited(sampling_times(recording))
 
 

@@ -1,8 +1,12 @@
-"""Find angles of which a log repeats each encoder reading in several successive rows.
+"""Find the angles whose encoder readings a log repeats in several successive rows.
 
 A program that logs faster than it reads an encoder repeats each reading in m rows (sample and
-hold). The count then changes only in every m-th row. Let an axis move by c counts per row, and let
-g be the number of rows from one change of its count to the next:
+hold). The logged angle then changes only in every m-th row. In this module, one count is the
+smallest change of the logged angle, but at least the encoder's step. The smallest change exceeds
+the step if the log prints few digits.
+
+Let an axis move by c counts per row, and let g be the number of rows from one change of its count
+to the next:
 
 * If the program reads the encoder for every row, the count changes by at most ⌈c⌉. Changes of two
   counts or more need c > 1. Then the count changes in every row: g = 1.
@@ -14,8 +18,7 @@ direction. The readings count as repeated only if two more conditions hold. Most
 close to m. And most changes, even changes of one count, must follow the previous change after more
 than m/2 rows. If the host is late, it delays some changes, too, but then the values of g scatter.
 
-Slow axes change by single counts and are not tested. A count is the smallest change of the logged
-angle, and at least the encoder's step, because a log may print fewer digits.
+The module cannot test a slow axis, because its angle changes by single counts only.
 """
 
 from __future__ import annotations

@@ -74,8 +74,9 @@ def read_log(
 ) -> Table:
     """Return the log of one flight as one table, before its values are checked.
 
-    The table contains the columns of all files, the columns computed by the mapping, and the rig's
-    profile. `import_log` describes the arguments. Raises RecordingError or UsageError.
+    The table contains the columns of all files and the columns that the mapping computes. Its
+    attribute ``profile`` is the rig's profile. `import_log` describes the arguments. Raises
+    RecordingError or UsageError.
     """
     files = _files(paths)
     if len(files) > 1 and columns is not None:

@@ -159,6 +159,9 @@ def _key(name: str) -> tuple[str, str | None]:
 
 
 def without_unit(name: str) -> str:
-    """Return an angle's column in `KNOWN` without its unit, any other column unchanged."""
+    """Return a column's name without the unit of an angle: ``roll`` for ``roll_deg``.
+
+    A name that does not end in the unit of an angle is returned unchanged.
+    """
     head, _, unit = name.rpartition("_")
     return head if unit in ANGLE_UNITS else name

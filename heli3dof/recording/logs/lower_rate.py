@@ -28,13 +28,18 @@ MEANS = "with the mean of each voltage over the interval to the next one."
 
 
 def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
-    """Return about ``rate_hz`` rows per second of ``table``; voltages are means until the next row.
+    """Return ``table`` with about ``rate_hz`` rows per second.
 
-    The log's rate must be a whole multiple of ``rate_hz``. A log may repeat each reading of an
-    angle in several rows (`rows_per_reading`). Then the rate of its readings must be such a
-    multiple, and this function keeps the rows in which the angle changes. The number of rows
-    between two kept rows may alternate, for example 3, 3, 4. In this case the kept rows get evenly
-    spaced times. Raises UsageError for other rates, RecordingError if time does not increase.
+    The function keeps some rows of the log. The voltage of a kept row is the mean from this row to
+    the next kept row. The log's rate must be a whole multiple of ``rate_hz``.
+
+    A log may repeat each reading of an angle in several rows (`rows_per_reading`). If ``rate_hz``
+    is at most the rate of these readings, that rate must be a whole multiple of ``rate_hz``
+    instead. The function then keeps rows in which the angle changes. The number of rows between two
+    kept rows may alternate, for example 3, 3, 4. In this case the kept rows get evenly spaced
+    times.
+
+    Raises UsageError for other rates, RecordingError if time does not increase.
     """
     t = table.columns["t_s"]
     check_time_increases(table.source, t, table.where)
@@ -79,7 +84,7 @@ def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
 
 
 def _no_multiple(rate_hz: float, m: float, held: float) -> UsageError:
-    """Return the error for a rate of which the log's rate is no whole multiple.
+    """Return the error for a ``rate_hz`` if the log's rate is not a whole multiple of it.
 
     ``m``: rows of the log per kept row; ``held``: rows for which the log holds a reading.
     """

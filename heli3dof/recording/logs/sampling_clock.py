@@ -65,10 +65,11 @@ class SamplingClock:
 
     @property
     def missing(self) -> np.ndarray:
-        """Return the number of samples lost between each two successive samples (N − 1,).
+        """Return (N − 1,): the number of samples lost between each sample and the next.
 
-        A sample whose time stamp is more than half a period late gets the number of the next
-        sample. The skipped number then does not count as a lost sample.
+        The estimate of the sample numbers rounds each time stamp to a sampling period. If a time
+        stamp is more than half a period late, its sample gets a number that is too large by one,
+        and the right number remains unused. This number does not count as a lost sample.
         """
         k = np.arange(len(self.number))
         lost_until = np.minimum.accumulate((self.number - k)[::-1])[::-1]

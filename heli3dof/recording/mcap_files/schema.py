@@ -142,10 +142,11 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """Return the layout of the message Channels: the columns that Sample and Command lack.
+    """Return the layout of the message type Channels, which holds a recording's extra columns.
 
-    In arrays, the fields are called ``column1``, ``column2`` …. In the protobuf schema they have
-    the columns' ``names``, changed to names that protobuf allows. The MCAP channel's metadata lists
+    ``names``: the recording's columns that have no field in the other two message types, `SAMPLE`
+    and `COMMAND`. Numpy arrays call the fields of Channels ``column1``, ``column2`` …. The protobuf
+    schema uses ``names``, changed to names that protobuf allows. The MCAP channel's metadata lists
     the unchanged names as JSON.
     """
     columns: list[Column] = []
@@ -160,9 +161,11 @@ def channels_layout(names: Sequence[str]) -> Layout:
 
 
 class RowFormat:
-    """Byte format of a row: one MCAP Message record per message type, on MCAP channels 1, 2, …
+    """Byte format of a row of a recording: one MCAP Message record for each message type.
 
-    ``names``: the columns that Sample and Command lack; they are in the message Channels.
+    The message types are Sample on MCAP channel 1, Command on channel 2 and Channels on channel 3.
+    ``names``: the recording's columns that are fields of neither Sample nor Command; they are the
+    fields of Channels. Without ``names``, a row has no message of the type Channels.
     """
 
     def __init__(self, names: Sequence[str] = ()) -> None:
