@@ -110,7 +110,7 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return sentences on safety trips, and on missing replays and predictions."""
+        """Return sentences on safety trips, and on simulations and predictions that are missing."""
         sentences = []
         for f in self.flights:
             sentences += trip_warning(f.recording)
