@@ -178,14 +178,16 @@ def _diagnose_columns(document: Document) -> Row:
 
 
 def _identify(job: Job) -> Document:
-    """Identify and save a model; return its ``identify --json`` document, with more keys.
+    """Identify and save a model; return its ``identify --json`` document, with four more keys.
 
-    ``faults`` names the integrity checks that found bad data. Such a recording is not fitted:
-    ``models`` is empty, and ``fleet`` leaves the recording out.
-    ``absent`` names the parameters at the bound that means "no effect".
-    ``nominal_hover_voltage_V`` is the hover voltage in the profile. ``hover_voltage_V`` is the
-    model's, with ``value`` and ``std``. It is null for a black box, or if no voltage holds the arm
-    level.
+    * ``faults`` names the integrity checks that found bad data. Such a recording is not fitted:
+      ``models`` is empty, and ``fleet`` leaves the recording out.
+    * ``absent`` names the parameters at the bound that means "no effect".
+    * ``nominal_hover_voltage_V`` is the hover voltage in the profile.
+    * ``hover_voltage_V`` has the ``value`` and ``std`` of the identified model's hover voltage. It
+      is null for a black-box model, or if no voltage holds the arm level.
+
+    If there are faults, the document has only the first of these keys.
     """
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model

@@ -1,7 +1,7 @@
 """`run_task`: run one subcommand on one recording, in a worker process.
 
-The subcommand reads and writes in a temporary folder, whose paths `_replaced` replaces in the
-outcome.
+The subcommand reads and writes files in a temporary folder. In the outcome, `_replaced` replaces
+the temporary paths of these files by the recording's path or URL and by paths in the output folder.
 """
 
 from __future__ import annotations

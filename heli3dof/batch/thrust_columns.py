@@ -27,10 +27,12 @@ def thrust_columns(
 ) -> dict[str, float]:
     """Return four columns: thrust gain ratio and hover voltage, each with standard deviation.
 
-    ``parameters``: name → estimate of the model's parameters; ``correlation``: their correlation
-    matrix; ``hover``: ``value`` and ``std`` (V) of the hover voltage, or None. The thrust gain is
-    left out if an inertia or the correlation matrix is missing, the hover voltage if ``hover`` is
-    None.
+    The thrust gain ratio is the rig's thrust gain, divided by the profile's thrust gain.
+    ``parameters``: {name: estimate} of the model's parameters; ``correlation``: their correlation
+    matrix; ``hover``: ``value`` and ``std`` (V) of the hover voltage, or None.
+
+    The two columns of the thrust gain ratio are left out if an inertia or the correlation matrix is
+    missing. The two columns of the hover voltage are left out if ``hover`` is None.
     """
     voltage = {} if hover is None else {
         "hover_voltage_V": hover["value"], "hover_voltage_V_std": hover["std"],

@@ -179,10 +179,14 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    A segment is a stretch of the reference, for example from one step to the next. The result has
-    the metrics of every segment, and separately those of one reported segment. This is the first
-    step, or else the approach from the initial angle to the first set value. If the reference has
-    neither, the reported metrics leave out the rows before the time ``since_s`` (s).
+    A segment is a part of the reference, for example from one step to the next. The result has the
+    metrics of every segment, and separately those of one reported segment. The reported segment is
+    the first one of this list that exists:
+
+    * the first step of the reference
+    * the approach to the first set value, if the angle does not start at this value
+    * the first segment, without its rows before the time ``since_s`` (s)
+
     ``resolution`` (rad): the least half-width of the settling band.
     """
     y, ref = np.degrees(angle), np.degrees(reference)

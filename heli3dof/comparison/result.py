@@ -112,7 +112,10 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return sentences on safety trips, other rigs, missing replays and predictions."""
+        """Return sentences on safety trips, models of another rig, and results that are missing.
+
+        Missing results are simulations and predictions that could not be computed.
+        """
         sentences = []
         for f in self.flights:
             sentences += trip_warning(f.recording)

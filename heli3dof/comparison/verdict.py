@@ -1,9 +1,9 @@
 """State a comparison's result in a few sentences: which model is best, and whether it is useful.
 
 The sentences compare two errors of the models, in degrees (RMS over the recordings): those of
-predictions `HORIZON_S` ahead, and those of the closed-loop replay. Models whose error is at most
-`EQUAL` times the smallest count as equally good. A model's prediction is useful only if its error
-is smaller than that of constant angles.
+predictions `HORIZON_S` ahead, and those of the closed-loop replay. If a model's error is at most
+`EQUAL` times the smallest error, this model counts as equally good as the best model. A model's
+prediction is useful only if its error is smaller than that of constant angles.
 """
 
 from __future__ import annotations

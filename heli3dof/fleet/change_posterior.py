@@ -11,12 +11,12 @@ one regressor x to a constant::
     deviating flight j       xᵢ = 1 for i = j, else 0
 
 p(i) is the plan of flight i. Each plan has its own level m, because the estimate also depends on
-the plan: on the same rig, small and large reference steps give different values. φ is the standard
-deviation of a typical flight (s̃: median of s). The fraction a of φ² is due to scatter between
-flights. A step needs two flights on each side, because one flight alone is a deviating flight. Two
-steps need a model of their own: if the second one reverses or repeats the first, the model of one
-step fits badly. To save time, the flights j and k of two steps are on a grid of at most
-`MOST_BOUNDARIES`.
+the plan: on the same rig, small and large reference steps give different values. s̃ is the median
+of the sᵢ. φ is the standard deviation of the value from a flight with sᵢ = s̃. The fraction a of φ²
+is due to scatter between flights. A step needs two flights on each side, because one flight alone
+is a deviating flight. Two steps need a model of their own: if the second one reverses or repeats
+the first, the model of one step fits badly. To save time, the flights j and k of two steps are on a
+grid of at most `MOST_BOUNDARIES`.
 
 Priors: m has a flat prior. a is on the grid `SHARES`, dense near 0, and g on the grid `SIZES`: 1,
 2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d. The other rigs of the fleet (its
@@ -47,7 +47,7 @@ import numpy as np
 from heli3dof.arrays import FloatArray
 
 SHARES = np.linspace(0.0, 1.0, 9) ** 2
-"""Grid of a, the share of the scatter between flights in the variance of a flight. Chosen."""
+"""Grid of a, the fraction of the variance φ² that is due to scatter between flights. Chosen."""
 SIZES: FloatArray = np.exp2(np.arange(6.0))
 """Grid of g, the typical size of a change in standard deviations φ of a flight. Chosen: below 1, a
 change cannot be detected; above 32, g has no more influence on the result."""
@@ -71,11 +71,12 @@ search then computes the date of each step without a grid."""
 
 @dataclass(frozen=True)
 class VariancePrior:
-    """Prior distribution d·φ₀²/χ²_d of φ², the variance of a typical flight's value.
+    """Prior distribution d·φ₀²/χ²_d of φ², the variance of the value from a typical flight.
 
-    The other rigs of the fleet (the rig's siblings) give φ₀² and d. χ²_d is a chi-squared variable
-    with d degrees of freedom. With the probability `UNLIKE`, the rig is unlike its siblings, and d
-    is 1. Otherwise, d is ``freedom``.
+    A typical flight is one whose given standard deviation is the median of all flights. The other
+    rigs of the fleet (the rig's siblings) give φ₀² and d. χ²_d is a chi-squared variable with d
+    degrees of freedom. With the probability `UNLIKE`, the rig is unlike its siblings, and d is 1.
+    Otherwise, d is ``freedom``.
     """
 
     variance: float
@@ -122,11 +123,13 @@ def change_posterior(
 ) -> ChangePosterior:  # fmt: skip
     """Return the posterior of all changes of a quantity that are possible in n flights of one rig.
 
-    ``y`` (n,): the value that each flight gives; ``s`` (n,): its standard deviation, s > 0.
-    ``t`` (n,): the flights' times, increasing, in any unit. ``prior``: the prior probability of
-    each kind of change. ``plans`` (n,): the flight plan of each flight; None: all have the same
-    plan. ``variance_prior``: prior of the variance of a typical flight's value; None: unknown.
-    n must exceed the number of plans by at least 3.
+    ``y`` (n,): the value that each flight gives; ``s`` (n,): its standard deviation, s > 0. ``t``
+    (n,): the flights' times, increasing, in any unit. ``prior``: the prior probability of each kind
+    of change. ``plans`` (n,): the flight plan of each flight; None: all have the same plan. n must
+    exceed the number of plans by at least 3.
+
+    φ² is the variance of the value from a flight whose ``s`` is the median. It is unknown, so only
+    the ratios of the ``s`` matter. ``variance_prior``: the prior of φ²; None: p(φ) ∝ 1/φ.
     """
     from scipy.special import gammaln, logsumexp
 
@@ -198,11 +201,12 @@ def change_posterior(
 
 
 def _log_mean_evidence(log_evidence: FloatArray) -> FloatArray:
-    """Return (model,): the logarithm of each model's evidence, averaged over all grid points.
+    """Return (model,): the logarithm of each model's mean evidence over all grid points.
 
-    ``log_evidence`` (d, g, a, model): the logarithm of each model's evidence at each grid point.
-    The grids are those of d (degrees of freedom of the variance's prior), g (typical size of a
-    change) and a (share of the scatter between flights in the variance).
+    The mean is that of the evidence, not of its logarithm. ``log_evidence`` (d, g, a, model): the
+    logarithm of each model's evidence at each grid point. d is the number of degrees of freedom of
+    the variance's prior, and g is the typical size of a change. a is the fraction of the variance
+    that is due to scatter between flights.
     """
     rows = log_evidence.reshape(int(np.prod(log_evidence.shape[:-1])), log_evidence.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
@@ -215,11 +219,14 @@ def _two_steps(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return the arrays Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx) for each pair of steps.
 
-    For one pair, the 2×2 matrix Sxx has the weighted products of the two steps' regressors, and the
-    vector Sxy has their weighted products with y. Both arrays have the shape (g, a, pair). Axis g
-    is the grid of the typical size of a change. Axis a is the grid of the share of the scatter
-    between flights. ``candidates`` contains the pairs. The other arguments describe the n flights
-    and the K single steps:
+    y are the values of the quantity in n flights. The regressor of a step is 1 in all flights after
+    the step, and 0 before it. For one pair, the 2×2 matrix Sxx has the weighted products of the two
+    steps' regressors, and the vector Sxy has their weighted products with y.
+
+    g is the typical size of a change. a is the fraction of the variance that is due to scatter
+    between flights. Both arrays have the shape (g, a, pair): an element for each grid value of g,
+    each grid value of a and each pair. ``candidates`` contains the pairs. The other arguments
+    describe the n flights and the K single steps:
 
     - ``w`` (a, n): the weight wᵢ of each flight
     - ``x`` (K, n): the regressor of each single step

@@ -85,7 +85,8 @@ class Change:
 def track_prior(quantities: int) -> Prior:
     """Return the prior probability of each kind of change in one quantity of a rig.
 
-    ``quantities``: the number of quantities among which the rig's expected changes are divided.
+    ``quantities``: the number of the rig's quantities. They share the expected number of changes of
+    a rig, `CHANGES_PER_RIG_SEMESTER`, equally.
     """
     return _scaled(CHANGES_PER_RIG_SEMESTER, 1 / quantities)
 
@@ -140,9 +141,11 @@ class _Series:
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
-        """Return the posterior of changes in ``flights``, indices of a part of the series.
+        """Return the posterior probabilities of the changes in a part of the series.
 
-        The prior probabilities are multiplied by the share of these flights in the series.
+        ``flights``: the indices of this part's flights. The prior probability of a change is known
+        for the whole series. The function multiplies it by the share of these flights in the
+        series.
         """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = _scaled(self.prior, len(flights) / len(self.y))
@@ -185,7 +188,11 @@ def _clear_outliers(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the changes in ``flights``, found by recursive search; steps divide them into parts."""
+    """Yield the changes in ``flights``, found by recursive search.
+
+    If the function finds one or two steps, they divide the flights into two or three parts. The
+    function then searches each part. A drift or a deviating flight does not divide the flights.
+    """
     if not series.is_searchable(flights):
         return
     posterior = series.posterior(flights)
@@ -217,9 +224,11 @@ def _most_probable_change(series: _Series, flights: np.ndarray) -> Change | None
 def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
     """Return ``steps``, each computed again from the flights between its neighbouring steps.
 
-    This is repeated until the dates no longer change. Then, if there are doubtful steps, the least
-    probable one is removed, and the others are computed again. ``kept``: the flights that do not
-    deviate.
+    The function repeats this until the dates no longer change. Each step must then meet two
+    conditions: the probability of any change is at least `REPORTED`, and the probability of a step
+    is at least 50 %. The function removes the least probable step that does not meet them, and
+    computes the others again. It ends when all steps meet both conditions, or after `REFINEMENTS`
+    passes per step. ``kept``: the indices of all flights except the deviating ones.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]

@@ -33,8 +33,9 @@ its possible positions. A drift goes from the flight ``first`` to ``last``. Each
 ``recording`` and ``day`` (days since 1970-01-01 UTC; null if the flights are ordered by name).
 
 **Differing rigs**: ``difference`` is the rig's value minus the mean of the other rigs. ``std`` is
-its standard deviation for a rig like the others. ``p_value`` is the probability of such a
-difference anywhere in the fleet if all rigs are alike.
+the standard deviation of ``difference`` under the hypothesis that this rig is like the others. If
+all rigs are alike, the probability that any rig shows such a difference in any quantity is at most
+``p_value`` (Bonferroni).
 """
 
 from __future__ import annotations

@@ -1,18 +1,19 @@
 """Find the rigs that differ from the other rigs in one quantity, by leave-one-out prediction.
 
-R rigs have estimates θ̂ᵣ with standard errors vᵣ. Without rig r, the estimates have the mean θ̄ and
-the standard deviation S, and the squared standard errors the mean v². If r is like the others::
+R rigs have estimates θ̂ᵣ with standard errors vᵣ. The estimates of all rigs except rig r have the
+mean θ̄ and the standard deviation S. The mean of the squared standard errors of these rigs is V.
+Under the hypothesis that rig r does not differ from them::
 
-    z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − v², 0)) ~ Student t with R − 2 degrees of freedom
+    z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − V, 0)) ~ Student t with R − 2 degrees of freedom
 
-S² contains the scatter between rigs and the mean squared error v². If each rig has equally many
-flights, the distribution is exact for normal values. For a rig with fewer flights,
-max(vᵣ² − v², 0) adds its larger error.
+S² contains both the scatter between rigs and V. If all rigs have equally many flights, the
+distribution is exact for normal values. A rig with fewer flights has a larger standard error. The
+term max(vᵣ² − V, 0) allows for this excess variance.
 
-The p-value of z is multiplied by the number of rigs and by that of quantities (Bonferroni). Two
-differing rigs would hide each other. So the search removes the most deviating rig, and tests the
-next one against the rest. The last removed rig with a p-value of at most `LARGEST_P` differs, and
-so do all that were removed before it (Rosner, Technometrics 25, 1983).
+The p-value of z is multiplied by the number of rigs and by the number of quantities (Bonferroni).
+Two differing rigs would hide each other. So the search removes the most deviating rig, and repeats
+the test with the remaining rigs. The last removed rig with a p-value of at most `LARGEST_P` differs
+from the others. All rigs that were removed before it differ, too (Rosner, Technometrics 25, 1983).
 """
 
 from __future__ import annotations
@@ -41,15 +42,16 @@ class Difference:
     size: float
     """The rig's value minus the siblings' mean, in the quantity's unit"""
     std: float
-    """Predicted standard deviation of ``size`` for a rig like its siblings"""
+    """Standard deviation of ``size`` under the hypothesis that the rig is like its siblings"""
     p_value: float
-    """Chance of such a difference anywhere in the fleet if all rigs are alike"""
+    """If all rigs are alike, the probability that any rig shows such a difference in any quantity
+    is at most this value (Bonferroni)."""
 
 
 def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
     """Return the mean of the rigs' estimates, and the scatter between the rigs.
 
-    It is None if no rig has a standard error. ``rigs``: {rig: its estimate}.
+    The result is None if no rig's estimate has a standard error. ``rigs``: {rig: its estimate}.
     """
     known = [e for e in rigs.values() if isfinite(e.std)]
     if not known:
@@ -82,7 +84,11 @@ def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Diffe
 
 
 def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Difference:
-    """Return a rig's difference from the others; its p-value is multiplied by ``tests``."""
+    """Return by how much the estimate of the rig ``name`` differs from the mean of the other rigs.
+
+    ``rigs``: {rig: its estimate of the quantity}. The p-value is multiplied by ``tests``, the
+    number of tests in the fleet (Bonferroni).
+    """
     from scipy.stats import t
 
     rig, others = rigs[name], [e for other, e in rigs.items() if other != name]

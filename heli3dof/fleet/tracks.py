@@ -143,8 +143,8 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
     """Return the tracks of all rigs, sorted by rig.
 
-    A track is the time series of one quantity over the flights of one rig. A rig has a track for
-    each of the ``quantities`` of which at least one of its flights gives a value.
+    A track is the time series of one quantity over the flights of one rig. A rig has a track of a
+    quantity in ``quantities`` if at least one flight of the rig gives a value of this quantity.
     """
     rigs: dict[str, list[Row]] = {}
     for row in rows:

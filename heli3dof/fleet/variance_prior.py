@@ -2,8 +2,9 @@
 
 The siblings of a rig are the other rigs of the fleet. A few flights of one rig hardly determine the
 variance φ² of its values. But rigs of one type have similar φ², so the siblings give a prior. For
-sibling r, q_r estimates φ² from the differences between the values y of successive flights of the
-same plan. A step of y changes only one difference (von Neumann, Ann. Math. Stat. 12, 1941)::
+sibling r, q_r estimates φ² from the differences between the values y of two consecutive flights
+that have the same plan. A step of y changes only one difference (von Neumann, Ann. Math. Stat. 12,
+1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
@@ -15,9 +16,9 @@ are::
 
 Smyth (Stat. Appl. Genet. Mol. Biol. 3, 2004) estimates E and V by the mean and variance over r, and
 solves for φ₀² and d. Here the median replaces the mean, and 1.4826 times the median absolute
-deviation replaces √V. So an outlying q_r has little influence, such as that of a drifting rig. d is
-limited to the range from 1 to Σf_r. The limit Σf_r is the number of degrees of freedom of all q_r
-together.
+deviation replaces √V. So an outlying q_r, such as that of a drifting rig, has little influence. d
+is limited to the range from 1 to Σf_r. The limit Σf_r is the number of degrees of freedom of all
+q_r together.
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ MAD_TO_STD = 1.4826
 
 
 def variance_prior(siblings: Sequence[Track]) -> VariancePrior | None:
-    """Return the prior of a rig's variance from flight to flight, estimated from its siblings.
+    """Return the prior of a quantity's variance between the flights of one rig, from other rigs.
 
-    ``siblings``: the values of the same quantity in the flights of each other rig. The prior is
-    None if fewer than `LEAST_SIBLINGS` rigs have enough flights (`LEAST_DIFFERENCES`).
+    ``siblings``: one track (the quantity's values in the flights of a rig) for each of the other
+    rigs. The prior is None if fewer than `LEAST_SIBLINGS` of these rigs have at least
+    `LEAST_DIFFERENCES` differences between consecutive flights.
     """
     from scipy.special import digamma, polygamma
 
@@ -61,7 +63,10 @@ def variance_prior(siblings: Sequence[Track]) -> VariancePrior | None:
 
 
 def _differences(track: Track) -> np.ndarray:
-    """Return the differences between successive flights that have the same flight plan."""
+    """Return the changes of the track's quantity from one flight to the next.
+
+    A change is left out if the two flights have different flight plans.
+    """
     return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
 
 

@@ -33,10 +33,10 @@ def replications_on_cluster(address: str | None) -> Iterator[None]:
 
 
 def replications_on(cluster: Engine) -> Distributor:
-    """Return the argument of `heli3dof.parallel.distribute` that sends replications to an engine.
+    """Return a function with which `heli3dof.parallel.distribute` sends replications to an engine.
 
-    ``cluster``: the engine. If several workers exit while they compute one part of the
-    replications, this process computes that part.
+    ``cluster``: the engine, such as a Dask cluster. If several workers exit while they compute one
+    part of the replications, this process computes that part.
     """
 
     def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:

@@ -108,7 +108,7 @@ def plain(text: str, most: int = 200) -> str:
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """Return a line style for each model kind; the hover model's is the same in all figures."""
+    """Return a line style for each model kind. The hover model has the same one in all figures."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:

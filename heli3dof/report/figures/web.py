@@ -72,14 +72,16 @@ def live_data(figure: Figure) -> dict[str, Any]:
     }
 
 
-def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
+def _panel(axes: Any, all_axes: Sequence[Any]) -> dict[str, Any]:
     """Return one panel as JSON values: labels, ranges, curves, bands and shaded spans.
 
-    ``others``: the axes of all panels. A label that panels share is on one of their axes only.
+    ``axes``: the panel's Matplotlib object Axes; ``all_axes``: the objects of all panels, including
+    this one. If several panels share a label, only one of their objects contains it. The function
+    returns such a label for each of these panels.
     """
-    siblings = [a for a in others if a is axes or axes.get_shared_x_axes().joined(axes, a)]
+    siblings = [a for a in all_axes if a is axes or axes.get_shared_x_axes().joined(axes, a)]
     row = [axes, *(a for a in siblings if _in_one(a, axes, "row"))]
-    column = [axes, *(a for a in others if _in_one(a, axes, "col"))]
+    column = [axes, *(a for a in all_axes if _in_one(a, axes, "col"))]
     return {
         "title": next((a.get_title(loc="left") for a in column if a.get_title(loc="left")), ""),
         "x": next((a.get_xlabel() for a in siblings if a.get_xlabel()), ""),
@@ -87,7 +89,7 @@ def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
         "log": axes.get_xscale() == "log",
         "xlim": _numbers(axes.get_xlim()),
         "ylim": _numbers(axes.get_ylim()),
-        "link": others.index(siblings[0]),
+        "link": all_axes.index(siblings[0]),
         "curves": [*_error_bars(axes), *_lines(axes), *_stems(axes)],
         "bands": list(_bands(axes)),
         "spans": list(_spans(axes)),

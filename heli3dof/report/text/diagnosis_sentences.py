@@ -168,8 +168,9 @@ def refit_explains(document: Document) -> bool:
     """Return True if refitting the profile's parameters explains the error of at least one axis.
 
     The refit must remove most of the mean square error of this axis, and the decrease must be
-    significant (`heli3dof.diagnosis.validation.gain.removes_most`). The verdict ``off_calibration``
-    already states that the refit explains the error, so no test follows.
+    significant (`heli3dof.diagnosis.validation.gain.removes_most`). If the verdict is
+    ``off_calibration``, the function returns True without a test, because this verdict already
+    states that the refit explains the error.
 
     If the diagnosis added causes to the model, there are two more conditions. The refitted model
     has no causes, so a changed parameter may only compensate for a cause:

@@ -68,8 +68,9 @@ def rig_table(fleet: Fleet) -> Grid:
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
     """Return at most `MOST_COLUMNS` pairs (quantity, table column), in the order of `MAIN`.
 
-    A column gets the fleet's first quantity that matches it. If none matches any column, each of
-    the fleet's first quantities gets a column with its own name.
+    A column of `MAIN` shows the fleet's first quantity whose name matches the column's ``pattern``.
+    A column without such a quantity is left out. If no name matches any pattern, the columns are
+    the first `MOST_COLUMNS` quantities of the fleet, with their names as titles.
     """
     found = []
     for column in MAIN:

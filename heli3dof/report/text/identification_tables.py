@@ -170,7 +170,10 @@ def poles_table(found: Identification) -> Grid:
 
 
 def fits_table(found: Identification) -> Grid:
-    """Return a table by axis of the fit (%) to held-out data: predictions, closed-loop replay."""
+    """Return a table of the model's fit (%) to held-out data, with a row per axis.
+
+    It has a column for each prediction horizon, and one for the closed-loop simulation (replay).
+    """
     metrics = found.metrics
     scores = {
         ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()

@@ -49,8 +49,9 @@ class Grid:
     def __rich__(self) -> Group:
         """Return the table and its notes as the library rich prints them on a terminal.
 
-        No word is broken. If a table is wider than the terminal, its last columns follow below,
-        after a copy of its ``text_columns`` first columns.
+        If the table is wider than the terminal, rich prints it in parts, one below the other. Each
+        part starts with the text columns (the first n columns, n = ``text_columns``). No word is
+        broken.
         """
         from rich.console import Group
         from rich.text import Text
