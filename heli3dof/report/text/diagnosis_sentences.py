@@ -301,12 +301,24 @@ def limits(document: Document) -> Iterator[str]:
             f"There are no null simulations ({nulls.rpartition(': ')[2]}), so only clear causes "
             "are reported. If you know the controller, add [controller] to the profile."
         )
+    yield from unconverged(document)
     noisy = noisy_axes(document)
     if noisy:
         yield (
             f"On {listed(noisy)} the fitted noise is larger than the simulation error. Part of it "
             "is not noise (dry friction and backlash look like this), so sizes on that axis are "
             "rough."
+        )
+
+
+def unconverged(document: Document) -> Iterator[str]:
+    """Yield a sentence if the search for the extended model's parameters had not converged."""
+    if document.get("about", {}).get("converged") is False:
+        yield (
+            "The fit of the extended model had not converged, so its parameters, its noise and the "
+            "noise floor may be wrong. Likely cause: motion that no effect explains, or too little "
+            "motion. Diagnose the recordings together with another flight: heli3dof diagnose REC "
+            "REC..."
         )
 
 
