@@ -9,9 +9,10 @@ each cause j. z_j is this score minus that on a flight simulated without these c
 For a single cause, margin = z². Plans are ranked by margin/duration. z² is twice the increase in
 log-likelihood by a cause. So for two simple hypotheses with the expected margin m, the margin of a
 real flight has the distribution N(m, 4 m). The certainty is the probability that this margin
-exceeds `TIE`, averaged over the causes i with the expected margins m_i:
+exceeds the margin m_0 that a decision requires (by default `TIE`). It is averaged over the causes i
+with the expected margins m_i:
 
-    certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
+    certainty = mean_i Φ((m_i − m_0) / (2 √m_i))
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from statistics import NormalDist
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
-from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
+from heli3dof.diagnosis.constants import MAX_CAUSES, SUFFICIENT, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import (
     Task,
@@ -46,6 +47,7 @@ from heli3dof.diagnosis.search.catalogue import Probe, probes
 from heli3dof.diagnosis.search.score_test import Screen
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import model_at
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
@@ -78,16 +80,28 @@ def typical_cause(name: str) -> Probe:
     return Probe(t, (size, *(p.typical for p in rest)))
 
 
+def likely_cause(base: Estimate, name: str) -> Probe:
+    """Return the term ``name`` with the parameter values of a refit of ``base`` with this term."""
+    t = term(name)
+    o = base.optimum
+    problem, start = with_term_at(base.problem, o.theta, t, typical_cause(name).values)
+    refit = maximise_corrected(problem, start, o.noise, None)
+    own = problem.values(refit.theta)[-len(t.effect.parameters) :]
+    return Probe(t, tuple(map(float, own)))
+
+
 def recommend(
     base: Estimate,
     causes: Sequence[Probe],
     *,
     plans: Sequence[str] | None = None,
     seed: int = 0,
+    decisive: float = TIE,
 ) -> NextExperiment:
     """Return the plan that distinguishes the confounded causes in the shortest time.
 
     ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
+    ``decisive``: the margin that a decision requires.
     Raises UsageError if each plan leaves the safety envelope or is unstable on at least one model.
     """
     causes = list(causes)[:MAX_CAUSES]
@@ -102,7 +116,7 @@ def recommend(
     if all(map(is_stable, models)):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
-    outlooks = _outlooks(base, tasks, models, groups)
+    outlooks = _outlooks(base, tasks, models, groups, decisive)
     if not outlooks:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
@@ -121,11 +135,12 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
 
     1. the terms that a fit to free-run predictions left undecided (`planning.free_run_plan`)
     2. the first finding with confounded causes that a flight can separate
-    3. without findings: a cause that held-out data do not confirm
-    4. without findings: an effect that the recordings could not show
+    3. an effect that a residual torque resembles (`Diagnosis.likely_effects`)
+    4. without findings: a cause that held-out data do not confirm
+    5. without findings: an effect that the recordings could not show
 
-    For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`, or if a base
-    parameter off nominal is confounded with other causes.
+    For 3 to 5, the result is None if its certainty is below `MIN_CERTAINTY`. For 4 and 5, it is
+    also None if a base parameter off nominal is confounded with other causes.
     """
     if found.fitted is not None and found.fitted.open is not None:
         return next_free_flight(found.fitted.open, found.fitted.model, seed=seed)
@@ -139,6 +154,11 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [fitted_cause(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
+        if found.likely_effects:
+            likely = likely_cause(base, found.likely_effects[0])
+            decisive = SUFFICIENT if found.findings else TIE
+            known = "which would explain the residual torque of these recordings"
+            return _if_certain(recommend(base, [likely], seed=seed, decisive=decisive), known)
         known = f"which fits these recordings better, but {DOES_NOT_PAY}"
         open_ = [
             typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
@@ -151,12 +171,19 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
             open_ = [typical_cause(name) for name in hidden[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
-        recommended = recommend(base, open_[:1], seed=seed)
-        if (recommended.certainty or 0.0) < MIN_CERTAINTY:
-            return None
-        return replace(recommended, why=f"{recommended.why}, {known}")
+        return _if_certain(recommend(base, open_[:1], seed=seed), known)
     except UsageError:
         return None
+
+
+def _if_certain(recommended: NextExperiment, known: str) -> NextExperiment | None:
+    """Return the recommendation, with ``known`` added to its reason; None if too uncertain.
+
+    ``known`` is a clause on the cause: what the recordings show of it.
+    """
+    if (recommended.certainty or 0.0) < MIN_CERTAINTY:
+        return None
+    return replace(recommended, why=f"{recommended.why}, {known}")
 
 
 def _why(best: PlanForecast, names: Sequence[str]) -> str:
@@ -179,14 +206,14 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
     )
 
 
-def _probability_decided(margin: float) -> float:
-    """Return the probability of a decision, P(X > TIE) for X ~ N(margin, 4 margin).
+def _probability_decided(margin: float, decisive: float = TIE) -> float:
+    """Return the probability of a decision, P(X > ``decisive``) for X ~ N(margin, 4 margin).
 
     >>> p = _probability_decided
     >>> p(6.0), round(p(30.0), 3), p(-1.0)
     (0.5, 0.986, 0.0)
     """
-    return 1 - NormalDist(margin, 2 * math.sqrt(margin)).cdf(TIE) if margin > 0 else 0.0
+    return 1 - NormalDist(margin, 2 * math.sqrt(margin)).cdf(decisive) if margin > 0 else 0.0
 
 
 def _outlooks(
@@ -194,11 +221,12 @@ def _outlooks(
     tasks: Sequence[Task],
     models: Sequence[GreyBoxModel],
     groups: Sequence[Sequence[Probe]],
+    decisive: float,
 ) -> list[PlanForecast]:
     """Return the forecasts of the plans that all ``models`` can fly.
 
     ``models``: the base model, then one with each cause. ``groups``: for each cause, the trial
-    sizes at which the score test evaluates it.
+    sizes at which the score test evaluates it. ``decisive``: the margin that a decision requires.
     """
     n, flat = len(models), [p for group in groups for p in group]
     starts = np.cumsum([0, *map(len, groups[:-1])])
@@ -209,7 +237,7 @@ def _outlooks(
         if len(scores) == n:
             without, *with_cause = scores
             margins = tuple(_margin(x - without, j, starts) for j, x in enumerate(with_cause))
-            certainty = float(np.mean([_probability_decided(m) for m in margins]))
+            certainty = float(np.mean([_probability_decided(m, decisive) for m in margins]))
             out.append(PlanForecast(task.plan.name, task.plan.duration_s, margins, certainty))
     return out
 

@@ -14,6 +14,7 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import LIKE_SUFFIX
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, minus, quoted
 from heli3dof.identification.profile_update import ratio_unit
@@ -32,6 +33,7 @@ VERDICTS = {
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
+LIKELY = "The remaining error is probably {}, which these recordings do not confirm."
 NOT_IMPORTED = "The log cannot be imported as it is."
 ONLY_COUNTED = "Only lost samples were found; the fit predicts over them."
 BY_REFIT = "Refitted parameters explain the simulation error; see the causes below."
@@ -87,6 +89,8 @@ def verdict(document: Document) -> str:
         meaning = WITH_REFIT if adopted(document) else BY_REFIT
     if word == "ambiguous":
         meaning = meaning.format(_why_ambiguous(document))
+    if likely := likely_effects(document):
+        meaning = LIKELY.format(f"the effect{'s' * (len(likely) > 1)} {listed(likely)}")
     if _is_refused(document):
         meaning = NOT_IMPORTED
     if word == "explained" and all(map(is_counted, document["findings"])):
@@ -102,6 +106,16 @@ def verdict(document: Document) -> str:
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def likely_effects(document: Document) -> list[str]:
+    """Return the effects of the catalogue that the residual torques resemble.
+
+    The result is empty unless each residual torque resembles an effect, and no other error remains
+    unexplained.
+    """
+    names = [str(x.get("like") or "") for x in document["leftover"]]
+    return list(dict.fromkeys(n.removesuffix(LIKE_SUFFIX) for n in names)) if all(names) else []
 
 
 def _why_ambiguous(document: Document) -> str:
@@ -574,7 +588,7 @@ def next_steps(document: Document) -> Iterator[str]:
         return
     if document["verdict"] == "off_calibration":
         yield from _profile_update(document)
-    upcoming = document["next_experiment"]
+    upcoming, likely = document["next_experiment"], likely_effects(document)
     if upcoming is not None:
         yield f"Next experiment: {_fly(document, upcoming['plan'])}. Reason: {upcoming['why']}."
     elif reason := document.get("about", {}).get("no_next_experiment"):
@@ -584,14 +598,25 @@ def next_steps(document: Document) -> Iterator[str]:
             f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
             "together with these recordings."
         )
-    if any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
+    elif likely:
+        yield (
+            f"To confirm {listed(likely)}: {_fly(document, 'large')}, then diagnose it together "
+            "with these recordings."
+        )
+    if likely:
+        yield (
+            f"To fit {listed(likely)} without confirming it: heli3dof identify REC... --terms "
+            f"{','.join(f'+{name}' for name in likely)}"
+        )
+    elif any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
         yield (
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
             f"--from {quoted(document['model'])}"
         )
     if document["verdict"] != "off_calibration":
         yield from _profile_update(document)
-    if any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"]):
+    curves = [x for x in document["leftover"] if x["depends_on"] and not x.get("formula")]
+    if curves and not likely:
         yield (
             "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
             "rig could cause it, and add it as an effect (CONTRIBUTING.md)."
