@@ -70,4 +70,9 @@ def jitter(view: View) -> Iterable[Fault]:
         )  # fmt: skip
 
 
-CHECKS = (Check("timing.jitter", Stage.CLOCK, "sampling jitter in time stamps or motion", jitter),)
+CHECKS = (
+    Check(
+        "timing.jitter", Stage.CLOCK, "sampling jitter in time stamps or motion", jitter,
+        ("timing.jitter", "timing.arrival"),
+    ),
+)  # fmt: skip
