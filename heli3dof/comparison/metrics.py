@@ -31,9 +31,11 @@ Kinds of segment:
 
 A segment after rows without a reference counts as a first segment.
 
+A ``hold`` or ``moving`` segment begins at the first change of any axis' reference after the
+take-off (`heli3dof.identification.row_selection`), unless the segment ends before this change.
+
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
-``moving`` segment. A reported ``hold`` or ``moving`` segment begins at the first change of any
-axis' reference after the take-off (`heli3dof.identification.row_selection`).
+``moving`` segment.
 ``AxisMetrics.steps`` has all segments. Undefined metrics are NaN.
 """
 
@@ -176,8 +178,8 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    If the reported segment is of the kind ``hold`` or ``moving``, its metrics use only the rows
-    from the time ``since_s`` (s) on. ``resolution`` (rad): as in `step_metrics`.
+    Of a segment of the kind ``hold`` or ``moving``, the metrics use only the rows from the time
+    ``since_s`` (s) on. ``resolution`` (rad): as in `step_metrics`.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
 
@@ -186,15 +188,13 @@ def axis_metrics(
         first = max(s.rows.start, int(np.searchsorted(t, since_s)))
         return replace(s, rows=slice(first, s.rows.stop)) if first < s.rows.stop else s
 
-    segments = [since(s) if s.kind == "moving" else s for s in _segments(t, y, ref)]
+    segments = [since(s) if s.kind in ("hold", "moving") else s for s in _segments(t, y, ref)]
     steps = tuple(_measure(t, y, ref, s, np.degrees(resolution)) for s in segments)
     for kind in ("step", "start"):
         for step in steps:
             if step.kind == kind:
                 return AxisMetrics(step, steps)
-    if not segments:
-        return AxisMetrics(NOTHING, steps)
-    return AxisMetrics(_measure(t, y, ref, since(segments[0]), 0.0), steps)
+    return AxisMetrics(steps[0] if steps else NOTHING, steps)
 
 
 def _changes(reference: FloatArray) -> IndexArray:

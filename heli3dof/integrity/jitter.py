@@ -62,7 +62,8 @@ def jitter(view: View) -> Iterable[Fault]:
         is_finding = stamps_s >= FINDING_S
         yield Fault(
             "timing.jitter", Kind.FINDING if is_finding else Kind.NOTE, r.name,
-            f"{r.name}: the time stamps have a sampling jitter of ±{1e3 * stamps_s:.2g} ms (RMS)"
+            f"{r.name}: sampling jitter: the time stamps differ from an even clock by "
+            f"±{1e3 * stamps_s:.2g} ms (RMS)"
             + ("." if is_finding else ", which is usual for a computer's timer."),
             "a timer without real-time priority, or a shared bus.",
             (LOGGED if is_log(r) else FLOWN) if is_finding else "",

@@ -50,9 +50,8 @@ NOISE_EXCESS = 1.5
 COUNTED = "lost_share"
 """Parameter that is counted, and so has no uncertainty"""
 SCALE_PREFIX = "encoder.scale."
-NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
-"""Effects that no sentence mentions, because no flight identifies them: only a cable's torque
-depends on yaw's zero"""
+YAW_ZERO = "encoder.offset.yaw"
+"""An effect that no flight shows: only a cable's torque depends on yaw's zero"""
 
 
 def variable(name: str) -> str:
@@ -521,9 +520,10 @@ def not_adopted(document: Document) -> Iterator[str]:
             )
         change = f"ln L {fixed(low, 0)} … {fixed(high, 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {reason} ({change})."
-    hidden = [str(x) for x in document["not_identifiable"] if x not in NEVER_SHOWN]
+    hidden = [str(x) for x in document["not_identifiable"]]
     scales = [x for x in hidden if x.startswith(SCALE_PREFIX)]
-    hidden = [x for x in hidden if x not in scales]
+    no_flight = [x for x in hidden if x == YAW_ZERO]
+    hidden = [x for x in hidden if x not in scales + no_flight]
     if hidden:
         more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
         yield (
@@ -535,6 +535,8 @@ def not_adopted(document: Document) -> Iterator[str]:
             f"{listed(scales, 'or')} within the profile's tolerance is not identifiable from such "
             f"flights: {turn_by_hand(scales)}."
         )
+    if no_flight:
+        yield f"{YAW_ZERO} is not identifiable from any flight: no motion depends on yaw's zero."
 
 
 def equation_changes(document: Document) -> Iterator[str]:

@@ -389,8 +389,9 @@ def test_an_unconfirmed_candidate_is_reported_as_not_adopted() -> None:
 
 
 def test_an_encoder_scale_needs_a_turn_by_hand_and_not_a_larger_flight() -> None:
-    hidden = ["motor.delay", "encoder.scale.pitch", "encoder.scale.yaw"]
+    hidden = ["motor.delay", "encoder.offset.yaw", "encoder.scale.pitch", "encoder.scale.yaw"]
     text = text_of(changed(not_identifiable=hidden))
+    assert "encoder.offset.yaw is not identifiable from any flight" in text
     assert "even if large: motor.delay.\n" in text
     assert "encoder.scale.pitch or encoder.scale.yaw within the profile's tolerance is not" in text
     assert "turn pitch and yaw by hand through a known angle" in text
