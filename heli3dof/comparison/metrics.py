@@ -31,9 +31,11 @@ Kinds of segment:
 
 A segment after rows without a reference counts as a first segment.
 
+A ``hold`` or ``moving`` segment begins at the first change of any axis' reference after the
+take-off (`heli3dof.identification.row_selection`), unless the segment ends before this change.
+
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
-``moving`` segment. A reported ``hold`` or ``moving`` segment begins at the first change of any
-axis' reference after the take-off (`heli3dof.identification.row_selection`).
+``moving`` segment.
 ``AxisMetrics.steps`` has all segments. Undefined metrics are NaN.
 """
 
@@ -185,9 +187,10 @@ def axis_metrics(
 
     * the first step of the reference
     * the approach to the first set value, if the angle does not start at this value
-    * the first segment, without its rows before the time ``since_s`` (s)
+    * the first segment
 
-    ``resolution`` (rad): the least half-width of the settling band.
+    Of a segment of the kind ``hold`` or ``moving``, the metrics use only the rows from the time
+    ``since_s`` (s) on. ``resolution`` (rad): the least half-width of the settling band.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
 
@@ -196,15 +199,15 @@ def axis_metrics(
         first = max(s.rows.start, int(np.searchsorted(t, since_s)))
         return replace(s, rows=slice(first, s.rows.stop)) if first < s.rows.stop else s
 
-    segments = [without_early_rows(s) if s.kind == "moving" else s for s in _segments(t, y, ref)]
+    segments = [
+        without_early_rows(s) if s.kind in ("hold", "moving") else s for s in _segments(t, y, ref)
+    ]
     steps = tuple(_measure(t, y, ref, s, np.degrees(resolution)) for s in segments)
     for kind in ("step", "start"):
         for step in steps:
             if step.kind == kind:
                 return AxisMetrics(step, steps)
-    if not segments:
-        return AxisMetrics(NOTHING, steps)
-    return AxisMetrics(_measure(t, y, ref, without_early_rows(segments[0]), 0.0), steps)
+    return AxisMetrics(steps[0] if steps else NOTHING, steps)
 
 
 def _changes(reference: FloatArray) -> IndexArray:

@@ -191,6 +191,7 @@ def _diagnosed(
         "threshold": first.nulls.threshold, "largest": first.largest,
         "gain_measured_on": result.gain.on, "base": base, "seconds": clock.seconds,
         "written": [t.effect.summary for t in settled.fit.structure.formal],
+        "converged": settled.fit.optimum.converged,
     }  # fmt: skip
     without_verdict = Diagnosis(
         *names, "", faults, result, settled.findings, off, settled.dropped,

@@ -198,6 +198,17 @@ class Diagnosis(Result):
         """Return all causes, in the order of the module's function `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
+    @property
+    def likely_effects(self) -> tuple[str, ...]:
+        """Return the effects of the catalogue that the residual torques resemble.
+
+        The result is empty unless each residual torque resembles an effect, and no other error
+        remains unexplained.
+        """
+        names = [x.likely_effect for x in self.residual_torques]
+        known = [name for name in names if name is not None]
+        return () if self.remainders or len(known) < len(names) else tuple(dict.fromkeys(known))
+
     def summary(self) -> str:
         """Return the text that ``heli3dof diagnose`` prints: verdict, causes, gain, next step."""
         text: str = registered(SUMMARIES, "Diagnosis")(self.to_dict())

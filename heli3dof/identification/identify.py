@@ -222,7 +222,7 @@ def recording_warnings(prepared: Prepared) -> list[str]:
             )
         if c.jitter_s > 0.05 * c.period_s:
             out.append(
-                f"{r.name}: samples are {c.jitter_s * 1e3:.2g} ms early or late "
+                f"{r.name}: the intervals between samples scatter by {c.jitter_s * 1e3:.2g} ms RMS "
                 f"({100 * c.jitter_s / c.period_s:.0f} % of the period), which adds noise to "
                 "every rate."
             )

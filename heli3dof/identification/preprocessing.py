@@ -100,7 +100,7 @@ class RecordingReport:
         c = self.timing
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
-            f"(jitter {c.jitter_s * 1e6:.0f} µs, {c.gaps} gaps, {100 * c.lost_share:.2g} % lost)"
+            f"(± {c.jitter_s * 1e6:.0f} µs RMS, {c.gaps} gaps, {100 * c.lost_share:.2g} % lost)"
         ]
         if abs(c.period_s / self.control_period_s - 1) > 0.01:
             out.append(

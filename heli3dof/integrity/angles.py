@@ -97,6 +97,6 @@ def _axes_to_check(view: View) -> list[int]:
 
 
 CHECKS = (
-    Check("angles", Stage.VALUES, "degrees, radians, counts", angles),
+    Check("angles", Stage.VALUES, "degrees, radians, counts", angles, ("angle.unit",)),
     Check("encoder.grid", Stage.MOTION, "another encoder's grid", grids),
 )

@@ -38,7 +38,7 @@ class Fault:
     """A fault of one recording: what happened, the likely cause, and the fix."""
 
     check: str
-    """Name of the check, such as ``encoder.frozen``"""
+    """Name of the fault, such as ``encoder.frozen``; `Check.faults` lists those of a check"""
     kind: str
     """One of `Kind`"""
     recording: str
@@ -89,6 +89,8 @@ class Check:
     """What the check searches for, in a few words"""
     run: Callable[[View], Iterable[Fault]]
     """Returns the faults that the check finds in a recording's `View`"""
+    faults: tuple[str, ...] = ()
+    """Names of its faults (`Fault.check`); empty if all have the check's name"""
 
 
 def bad_data_fault(check: str, view: View, error: RecordingError, axis: str | None = None) -> Fault:

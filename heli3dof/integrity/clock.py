@@ -163,6 +163,9 @@ def repeated(view: View) -> Iterable[Fault]:
 
 
 CHECKS = (
-    Check("clock", Stage.CLOCK, "time stamps that decrease, in ms, or of another rate", clock),
+    Check(
+        "clock", Stage.CLOCK, "time stamps that decrease, in ms, or of another rate", clock,
+        ("clock.order", "clock.rate", "clock.device"),
+    ),
     Check("clock.repeated", Stage.CLOCK, "repeated rows", repeated),
-)
+)  # fmt: skip

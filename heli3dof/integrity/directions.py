@@ -151,5 +151,8 @@ def _fault(
 
 
 CHECKS = (
-    Check("directions", Stage.MOTION, "an encoder's sign, front and back swapped", directions),
-)
+    Check(
+        "directions", Stage.MOTION, "an encoder's sign, front and back swapped", directions,
+        ("encoder.sign", "motors.swapped", "voltage.sign"),
+    ),
+)  # fmt: skip

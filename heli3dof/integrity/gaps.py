@@ -76,4 +76,9 @@ def gaps(view: View) -> Iterable[Fault]:
     )  # fmt: skip
 
 
-CHECKS = (Check("timing.gaps", Stage.CLOCK, "lost samples, or non-finite values", gaps),)
+CHECKS = (
+    Check(
+        "timing.gaps", Stage.CLOCK, "lost samples, non-finite values, gaps above 1 s", gaps,
+        ("timing.gaps", "timing.hole"),
+    ),
+)  # fmt: skip

@@ -31,4 +31,4 @@ def held(view: View) -> Iterable[Fault]:
     )  # fmt: skip
 
 
-CHECKS = (Check("clock.held", Stage.CLOCK, "angles that are held for several rows", held),)
+CHECKS = (Check("clock.held", Stage.CLOCK, "angles held for several rows", held),)

@@ -63,7 +63,7 @@ def jitter(view: View) -> Iterable[Fault]:
         is_finding = stamps_s >= FINDING_S
         yield Fault(
             "timing.jitter", Kind.FINDING if is_finding else Kind.NOTE, r.name,
-            f"{r.name}: the time stamps are off an even clock by ±{1e3 * stamps_s:.2g} ms (RMS)"
+            f"{r.name}: the time stamps differ from an even clock by ±{1e3 * stamps_s:.2g} ms (RMS)"
             + ("." if is_finding else ", which is usual for a computer's timer."),
             "a timer without real-time priority, or a shared bus.",
             (LOGGED if is_log(r) else FLOWN) if is_finding else "",
@@ -71,4 +71,9 @@ def jitter(view: View) -> Iterable[Fault]:
         )  # fmt: skip
 
 
-CHECKS = (Check("timing.jitter", Stage.CLOCK, "sampling jitter in time stamps or motion", jitter),)
+CHECKS = (
+    Check(
+        "timing.jitter", Stage.CLOCK, "sampling jitter in time stamps or motion", jitter,
+        ("timing.jitter", "timing.arrival"),
+    ),
+)  # fmt: skip

@@ -76,5 +76,9 @@ def nothing(view: View) -> Iterable[Fault]:
             )  # fmt: skip
 
 
-CHECKS = (Check("nothing.moves", Stage.MOTION, "motors off, no motion, arm never off the table",
-                nothing),)  # fmt: skip
+CHECKS = (
+    Check(
+        "nothing.moves", Stage.MOTION, "motors off, no motion, arm never off the table", nothing,
+        ("nothing.moves", "nothing.flies"),
+    ),
+)  # fmt: skip

@@ -279,7 +279,13 @@ def commanded(view: View) -> Iterable[Fault]:
 
 CHECKS = (
     Check("voltage.limit", Stage.VALUES, "voltage missing, or beyond the amplifier's limit", limit),
-    Check("voltage.unit", Stage.MOTION, "hover voltage in another unit, or subtracted", unit),
+    Check(
+        "voltage.unit",
+        Stage.MOTION,
+        "hover voltage in another unit, or subtracted",
+        unit,
+        ("voltage.unit", "voltage.sign"),
+    ),
     Check("voltage.clipped", Stage.MOTION, "share of the flight at the voltage limit", clipped),
     Check("voltage.commanded", Stage.VALUES, "voltage unlike its command", commanded),
 )

@@ -62,6 +62,7 @@ def test_simulated_jitter_is_a_finding_within_five_per_cent(plan: str, jitter: f
     assert (fault.kind, fault.effect) == (Kind.FINDING, "timing.jitter")
     assert fault.parameters["jitter_s"][0] == pytest.approx(jitter, rel=0.05)
     assert fault.allowed_for  # the time stamps show it
+    assert "the time stamps differ from an even clock by" in fault.sentence
 
 
 def test_an_ordinary_timer_gives_only_a_jitter_note() -> None:

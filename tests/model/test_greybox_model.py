@@ -131,6 +131,20 @@ def test_python_control_gets_the_linearisation_with_state_names() -> None:
     assert discrete.output_labels == ["roll_rad", "pitch_rad", "yaw_rad"]
 
 
+def test_a_yaw_torque_couples_the_axes_of_the_linear_model() -> None:
+    """At level no thrust balances it: ψ̈_0 acts through the products of inertia."""
+    torque = {"bias.torque.yaw.torque_Nm": 0.01}
+    model = nominal(PROFILE, ("bias.torque.yaw",), **torque)
+    A = model.to_control(in_continuous_time=True).A
+    without = nominal(PROFILE).to_control(in_continuous_time=True).A
+    _, J_r, J_p, J_psi = model.values[:4]
+    acceleration = 0.01 / J_psi
+    coupling = (A - without)[3:, :2]  # of r̈, p̈, ψ̈ with r, p
+    assert coupling[0, 1] == pytest.approx(-acceleration * J_p / J_r, rel=1e-3)
+    assert coupling[1, 0] == pytest.approx(-acceleration, rel=1e-3)
+    assert np.abs(coupling[[0, 1], [0, 1]]).max() < 1e-3 * acceleration
+
+
 def test_rotor_thrusts_and_delayed_voltages_are_named_states() -> None:
     lag, late = {"motor.lag.time_constant_s": 0.1}, {"motor.delay.delay_s": 1.5 * PROFILE.dt}
     lagged = nominal(PROFILE, ("motor.lag",), **lag).to_control(in_continuous_time=True)

@@ -13,15 +13,16 @@ log-likelihood, m_k is the number of parameters of cause k, and N the number of 
 
 The margin M_i and the score S_i are means over the flights with cause i. The diagnosis accepts
 differences below `select.least_difference` as chance, so the flight decides if M_i exceeds
-max(`TIE`, `FORMULA_ERROR` S_i). The margin of the plan is the smallest M_i. Plans are ranked by
+D = max(`TIE`, `FORMULA_ERROR` S_i). A cause in addition to others needs D = `SUFFICIENT` instead,
+if that is larger. The margin of the plan is the smallest M_i. Plans are ranked by
 
     min_i (M_i − `FORMULA_ERROR` S_i)/duration
 
 For two causes of known sizes, the margin of one flight is normal with the mean M_i and the variance
 4 M_i. The mean of B = `FLIGHTS` flights has the variance 4 M_i/B. So n flights of the plan decide
-with the probability
+with the probability P_i(n), where D is that of the score n S_i:
 
-    P_i(n) = Φ((n M_i − max(TIE, n FORMULA_ERROR S_i)) / (2 √(n M_i + n² M_i/B))),      0 if M_i ≤ 0
+    P_i(n) = Φ((n M_i − D) / (2 √(n M_i + n² M_i/B))),      0 if M_i ≤ 0
 
 The certainty of the plan is the smallest P_i(1). It holds whichever of the causes the rig has.
 """
@@ -36,7 +37,7 @@ from statistics import NormalDist
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
-from heli3dof.diagnosis.constants import MAX_CAUSES
+from heli3dof.diagnosis.constants import MAX_CAUSES, SUFFICIENT, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import (
     RenderedPlan,
@@ -138,19 +139,30 @@ def typical_cause(name: str) -> Probe:
     return Probe(t, (size, *(p.typical for p in rest)))
 
 
+def likely_cause(base: Estimate, name: str) -> Probe:
+    """Return the term ``name`` with the parameter values of a refit of ``base`` with this term."""
+    t = term(name)
+    o = base.optimum
+    problem, start = with_term_at(base.problem, o.theta, t, typical_cause(name).values)
+    refit = maximise_corrected(problem, start, o.noise, None)
+    own = problem.values(refit.theta)[-len(t.effect.parameters) :]
+    return Probe(t, tuple(map(float, own)))
+
+
 def recommend(
     base: Estimate,
     causes: Sequence[Probe | CandidateFit],
     *,
     plans: Sequence[str] | None = None,
     seed: int = 0,
+    decisive: float = TIE,
 ) -> NextExperiment:
     """Return the plan that separates the ``causes`` in the shortest time.
 
     ``base``: a fit without these causes. Each cause is a fit that adds it to this model, or trial
-    values of its parameters. ``plans``: names of the plans to compare; by default all. Raises
-    UsageError if no plan stays inside the safety envelope on all models, or if the controller does
-    not stabilise one of them.
+    values of its parameters. ``plans``: names of the plans to compare; by default all.
+    ``decisive``: least margin that decides. Raises UsageError if no plan stays inside the safety
+    envelope on all models, or if the controller does not stabilise one of them.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
@@ -162,7 +174,7 @@ def recommend(
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         every = (rendered_plan(plan, profile, seed) for plan in loaded)
         rendered = [p for p in every if p is not None]
-    forecasts = _forecasts(rendered, without, with_cause)
+    forecasts = _forecasts(rendered, without, with_cause, decisive)
     if not forecasts:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
@@ -172,7 +184,7 @@ def recommend(
     ranking = tuple(sorted(forecasts, key=lambda f: -_beyond_formula_error(f) / f.duration_s))
     best = ranking[0]
     return NextExperiment(
-        best.plan, tuple(names), _why(best, names), round(best.certainty, 3), ranking
+        best.plan, tuple(names), _why(best, names, decisive), round(best.certainty, 3), ranking
     )
 
 
@@ -184,13 +196,14 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
     1. The diagnosis used free-run predictions: does the rig have the terms that they left
        undecided (`planning.free_run_plan`)?
     2. A finding is confounded with causes that a flight can separate: which does the rig have?
-    3. The search selected a cause that held-out data do not confirm: does the rig have it?
-    4. The recordings cannot show an effect, even if it is large: does the rig have it?
+    3. A residual torque resembles an effect (`Diagnosis.likely_effects`): does the rig have it?
+    4. The search selected a cause that held-out data do not confirm: does the rig have it?
+    5. The recordings cannot show an effect, even if it is large: does the rig have it?
 
-    Questions 3 and 4 are open only if the diagnosis has no findings. In addition, a base parameter
+    Questions 4 and 5 are open only if the diagnosis has no findings. In addition, a base parameter
     (thrust gain, trim torque or inertia) that deviates from the profile must not be confounded with
     another cause. The result is None if no question is open, or if no plan is feasible. For
-    questions 3 and 4, it is also None if a flight of the plan would decide with a probability below
+    questions 3 to 5, it is also None if a flight of the plan would decide with a probability below
     `MIN_CERTAINTY`.
 
     ``seed``: random seed of the simulated flights; by default that of the diagnosis. So
@@ -210,6 +223,11 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [best, *tied], seed=seed)
             base = Estimate(best.problem, best.optimum)
+        if found.likely_effects:
+            likely = likely_cause(base, found.likely_effects[0])
+            decisive = SUFFICIENT if found.findings else TIE
+            known = "which would explain the residual torque of these recordings"
+            return _if_certain(recommend(base, [likely], seed=seed, decisive=decisive), known)
         known = f"which fits these recordings better, but {DOES_NOT_PAY}"
         open_ = [
             typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
@@ -222,15 +240,22 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
             open_ = [typical_cause(name) for name in hidden[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
-        recommended = recommend(base, open_[:1], seed=seed)
-        if (recommended.certainty or 0.0) < MIN_CERTAINTY:
-            return None
-        return replace(recommended, why=f"{recommended.why}, {known}")
+        return _if_certain(recommend(base, open_[:1], seed=seed), known)
     except UsageError:
         return None
 
 
-def _why(best: PlanForecast, names: Sequence[str]) -> str:
+def _if_certain(recommended: NextExperiment, known: str) -> NextExperiment | None:
+    """Return the recommendation, with ``known`` added to its reason; None if too uncertain.
+
+    ``known`` is a clause on the cause: what the recordings show of it.
+    """
+    if (recommended.certainty or 0.0) < MIN_CERTAINTY:
+        return None
+    return replace(recommended, why=f"{recommended.why}, {known}")
+
+
+def _why(best: PlanForecast, names: Sequence[str], decisive: float = TIE) -> str:
     seconds = f"{best.duration_s:.0f} s"
     if len(names) == 1:
         return (
@@ -242,7 +267,7 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
         return (
             f"no plan separates {what} well. In simulation, {seconds} of this plan do so by a "
             f"margin of {best.margin:.0f}, more than any other plan. "
-            + flights_needed(lambda flights: _certainty(best, flights))
+            + flights_needed(lambda flights: _certainty(best, decisive, flights))
         )
     return (
         f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f} "
@@ -250,17 +275,19 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
     )
 
 
-def _certainty(f: PlanForecast, flights: int = 1) -> float:
+def _certainty(f: PlanForecast, decisive: float, flights: int = 1) -> float:
     """Return the least probability over the causes that some flights of a plan decide."""
     pairs = zip(f.margins, f.scores, strict=True)
-    return min(_probability_decided(m, score, flights) for m, score in pairs)
+    return min(_probability_decided(m, score, flights, decisive) for m, score in pairs)
 
 
-def _probability_decided(margin: float, score: float, flights: int = 1) -> float:
+def _probability_decided(
+    margin: float, score: float, flights: int = 1, decisive: float = TIE
+) -> float:
     """Return P(n), the probability that n flights decide between causes (see the module).
 
     ``margin`` and ``score``: expected values M and S for one flight with the true cause. They are
-    means of `FLIGHTS` simulated flights.
+    means of `FLIGHTS` simulated flights. ``decisive``: least margin that decides.
 
     >>> p = _probability_decided
     >>> p(6.0, 50.0), round(p(30.0, 50.0), 3), p(-1.0, 50.0)
@@ -272,7 +299,7 @@ def _probability_decided(margin: float, score: float, flights: int = 1) -> float
         return 0.0
     m = flights * margin
     std = 2 * math.sqrt(m + flights * m / FLIGHTS)
-    return 1 - NormalDist(m, std).cdf(least_difference(flights * score))
+    return 1 - NormalDist(m, std).cdf(max(decisive, least_difference(flights * score)))
 
 
 def _beyond_formula_error(f: PlanForecast) -> float:
@@ -281,12 +308,14 @@ def _beyond_formula_error(f: PlanForecast) -> float:
 
 
 def _forecasts(
-    plans: Sequence[RenderedPlan], without: Hypothesis, with_cause: Sequence[Hypothesis]
-) -> list[PlanForecast]:
+    plans: Sequence[RenderedPlan], without: Hypothesis, with_cause: Sequence[Hypothesis],
+    decisive: float,
+) -> list[PlanForecast]:  # fmt: skip
     """Return, for each feasible plan, how well it is expected to separate the causes.
 
-    ``without``: the base model, without the causes. ``with_cause``: one model for each cause. A
-    plan is feasible if its simulated flights stay inside the safety envelope on each model.
+    ``without``: the base model, without the causes. ``with_cause``: one model for each cause.
+    ``decisive``: least margin that decides. A plan is feasible if its simulated flights stay inside
+    the safety envelope on each model.
     """
     models = [without.model, *(h.model for h in with_cause)]
     numbers = [(0, 0), *((i + 1, b) for i in range(len(with_cause)) for b in range(FLIGHTS))]
@@ -310,7 +339,7 @@ def _forecasts(
             )
             own = tuple(float(x[:, i].mean()) for i, x in enumerate(by_cause))
             f = PlanForecast(p.plan.name, p.plan.duration_s, margins, 0.0, own)
-            out.append(replace(f, certainty=_certainty(f)))
+            out.append(replace(f, certainty=_certainty(f, decisive)))
     return out
 
 

@@ -86,6 +86,7 @@ TORQUE_FALSE_ALARMS = 0.0005
 extrapolated from few nulls."""
 THRESHOLD_SCALES = gumbel_factor(TORQUE_FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
+LIKE_SUFFIX = "-like"  # of an effect that a torque resembles, but that is not confirmed
 WINDOW_S = 0.1
 """s, over which torques are averaged. Chosen; not derived."""
 
@@ -120,6 +121,11 @@ class ResidualTorque:
     """A cause with nearly the same trace, as ``friction.viscous.yaw-like``"""
     term: TorqueTerm | None = None
     """The term of the extended model for this torque, if any"""
+
+    @property
+    def likely_effect(self) -> str | None:
+        """Return the name of the cause in ``resembles``, as ``friction.viscous.yaw``."""
+        return None if self.resembles is None else self.resembles.removesuffix(LIKE_SUFFIX)
 
     @property
     def is_slow_noise(self) -> bool:
@@ -174,7 +180,7 @@ def significant_torques(
         if named is None:
             named = named_traces(fit)
         name, cos = similarity(named, flight.at, change, nuisance.tangents, nuisance.A)
-        out.append(replace(new, resembles=f"{name}-like") if cos > LIKE else new)
+        out.append(replace(new, resembles=f"{name}{LIKE_SUFFIX}") if cos > LIKE else new)
         columns = np.r_[library.columns(q)]
         nuisance = nuisance.with_torque(flight, D, tests.directions[q], columns, null)
     return tuple(out)

@@ -7,12 +7,15 @@ random changes of the rates q̇ and angles q:
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
 The flight starts at rest at the recording's first angles. For a decimated log, every control period
-is simulated. The simulation has no sampling jitter, and no mechanical stops except the table.
+is simulated, as in a hole of the log (`recording.gap_filling.HOLE_S`). The simulation has no
+sampling jitter, and no mechanical stops except the table.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,8 +23,17 @@ from heli3dof.model.base import LoopTask
 from heli3dof.model.control.voltage_replay import is_late
 from heli3dof.model.estimation.decimated_log import with_loop_rows
 from heli3dof.model.greybox.closed_loop import fly, on_table
-from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.greybox.model import GreyBoxModel, nominal
+from heli3dof.recording.gap_filling import HOLE_S
 from heli3dof.recording.recording import Recording
+
+STEP_S = 0.25
+"""s: spacing of the instants that `reference_changes` compares. Chosen."""
+SETTLED_S = 8.0
+"""s: an earlier change of the references is not compared: a step of the default loop has settled
+after this time."""
+COMPARED_S = 2.0
+"""s: time after a hole in which simulated and recorded angles are compared. Chosen."""
 
 
 def simulated_flight(
@@ -33,24 +45,74 @@ def simulated_flight(
     whole encoder steps. Raises ValueError if the recording lacks an angle or its controller is
     unknown.
     """
-    profile = recording.profile
-    controller = recording.controller
-    if controller is None or len(recording.axes) < 3:
+    if recording.controller is None or len(recording.axes) < 3:
         raise ValueError("the controller of this recording is unknown, or an angle is missing")
     n = len(recording) if rows is None else min(rows, len(recording))
     logged = recording.rows(slice(0, n))
-    part, at = with_loop_rows(logged)
-    n = len(part)
-    t = part.elapsed_s
-    h = np.append(np.diff(t), profile.dt)
-    read0 = np.array(part.angle[0])
-    grid = np.abs(profile.encoder.rad_per_count)
-    task = LoopTask(
-        part.reference, part.controller_input, read0, controller, profile.motor.V_o,
-        profile.motor.v_max, profile.dt, grid,
-    )  # fmt: skip
-    offset = None if on_table(read0) else rng.uniform(-0.5, 0.5, 3) * grid
-    kick = rng.standard_normal((n, 3)) * model.noise * np.sqrt(h)[:, None]
-    flown = fly(model, task, t=t, offset=offset, kick=kick, late=is_late(recording))
-    angle = read0 + np.rint((flown.angle - read0) / grid) * grid
+    changes = {k: t for k, t in reference_changes(recording).items() if k + 1 < n}
+    part, at = with_loop_rows(logged, changes)
+    h = np.append(np.diff(part.t), part.profile.dt)
+    task = _loop_task(part)
+    grid = np.abs(part.profile.encoder.rad_per_count)
+    offset = None if on_table(task.angle0) else rng.uniform(-0.5, 0.5, 3) * grid
+    kick = rng.standard_normal((len(part), 3)) * model.noise * np.sqrt(h)[:, None]
+    late = is_late(recording)
+    flown = fly(model, task, t=part.elapsed_s, offset=offset, kick=kick, late=late)
+    angle = task.angle0 + np.rint((flown.angle - task.angle0) / grid) * grid
     return replace(logged, angle=angle[at], voltage=flown.voltage[at])
+
+
+def _loop_task(part: Recording) -> LoopTask:
+    """Return the input of a simulated flight with one control period per row of ``part``."""
+    profile = part.profile
+    assert part.controller is not None
+    return LoopTask(
+        part.reference, part.controller_input, np.array(part.angle[0]), part.controller,
+        profile.motor.V_o, profile.motor.v_max, profile.dt,
+        np.abs(profile.encoder.rad_per_count),
+    )  # fmt: skip
+
+
+def reference_changes(recording: Recording) -> Mapping[int, float]:
+    """Return {k: t}: the references changed at the time t (s), in the hole after row k.
+
+    A hole, a gap of `HOLE_S` or more, is listed if the references before and after it differ. All
+    references are assumed to change at one instant. The estimate t is one of the instants, `STEP_S`
+    apart, in the last `SETTLED_S` of the hole: the one for which a simulation fits best. The
+    simulation has the profile's numbers and no noise. Its fit is the sum of squared differences
+    from the recorded angles in the `COMPARED_S` after the hole.
+    """
+    holes = tuple(
+        int(k)
+        for k in np.flatnonzero(np.diff(recording.t) >= HOLE_S)
+        if not np.array_equal(recording.reference[k], recording.reference[k + 1], equal_nan=True)
+    )
+    return _estimated_changes(recording, holes) if holes else {}
+
+
+@lru_cache(maxsize=16)  # every simulated flight of a recording needs them
+def _estimated_changes(recording: Recording, holes: tuple[int, ...]) -> Mapping[int, float]:
+    """Return the result of `reference_changes`; ``holes``: the rows before the holes."""
+    changes: dict[int, float] = {}
+    t = recording.t
+    for k in holes:
+        part = recording.rows(slice(0, int(np.searchsorted(t, t[k + 1] + COMPARED_S))))
+        instants = np.arange(t[k + 1], max(t[k], t[k + 1] - SETTLED_S), -STEP_S)
+        misfits = [_misfit(part, {**changes, k: float(s)}, k + 1) for s in instants]
+        changes[k] = float(instants[np.argmin(misfits)])
+    return changes
+
+
+def _misfit(recording: Recording, changes: Mapping[int, float], first: int) -> float:
+    """Return the sum of squared differences (rad²) between simulated and recorded angles.
+
+    The sum begins at the row ``first``. ``changes``: result of `reference_changes`. The simulation
+    has the profile's numbers and no noise. If it diverges, the result is infinite.
+    """
+    part, at = with_loop_rows(recording, changes)
+    flown = fly(
+        nominal(recording.profile), _loop_task(part), t=part.elapsed_s, late=is_late(recording)
+    )
+    difference = (flown.angle[at] - recording.angle)[first:]
+    misfit = float(np.nansum(difference**2))
+    return misfit if np.isfinite(flown.angle).all() else np.inf

@@ -11,6 +11,7 @@ by too small a rotor lag, or in closed loop by friction that the rig does not ha
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -44,15 +45,19 @@ def mean_voltage(recording: Recording) -> np.ndarray:
     return np.vstack([v[:-1] + share[:, None] * rise, v[-1:]])
 
 
-def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
+def with_loop_rows(
+    recording: Recording, changes: Mapping[int, float] | None = None
+) -> tuple[Recording, np.ndarray]:
     """Return the log with a row per control period, and the indices (N,) of the N logged rows.
 
     If the log is not decimated, rows are added only in gaps of `HOLE_S` or more, in which the
     loop ran but was not logged. In shorter gaps the rig held its voltage.
 
     In an added row, the time and the excitation (``voltage_extra``) are interpolated. All other
-    values are those of the row before. The caller can replace the angles and voltages, which are
-    unknown in added rows, by a simulation.
+    values, such as the references, are those of the row before. ``changes`` {k: t} states
+    exceptions: from the time t (s) on, rows added between rows k and k + 1 have the values of row
+    k + 1. The caller can replace the angles and voltages, which are unknown in added rows, by a
+    simulation.
     """
     own = np.arange(len(recording))
     step = np.diff(recording.t)
@@ -63,6 +68,11 @@ def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
         return recording, own
     at = np.append(0, np.cumsum(n))
     rows = np.arange(at[-1] + 1)
-    whole = recording.rows(np.repeat(own, np.append(n, 1)))
+    t = np.interp(rows, at, recording.t)
+    source = np.repeat(own, np.append(n, 1))
+    for k, change_s in (changes or {}).items():
+        added = slice(at[k] + 1, at[k + 1])
+        source[added] += t[added] >= change_s
+    whole = recording.rows(source)
     extra = np.column_stack([np.interp(rows, at, e) for e in recording.voltage_extra.T])
-    return replace(whole, t=np.interp(rows, at, recording.t), voltage_extra=extra), at
+    return replace(whole, t=t, voltage_extra=extra), at

@@ -6,6 +6,10 @@ A and B are central differences of one time step of the simulation. r, p, ψ are
 F_f and F_b the thrusts, V the motor voltages, u0 those at trim. A delay appends delayed voltages to
 z. Dry friction has no linearisation and is omitted. An encoder with backlash is linearised in the
 middle of the backlash.
+
+At trim, the thrusts balance roll and pitch. No thrust balances a constant yaw torque τ
+(``bias.torque.yaw``) at level, so it accelerates yaw by ψ̈_0 = τ/J_ψ. Through the inertias M_rψ and
+M_pψ (`heli3dof.model.physics.rigid_body`), ψ̈_0 adds −ψ̈_0 r to p̈ and −ψ̈_0 p J_p/J_r to r̈.
 """
 
 from __future__ import annotations

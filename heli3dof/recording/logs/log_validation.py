@@ -60,13 +60,14 @@ def lost_rows(source: str, columns: Mapping[str, np.ndarray], where: Where) -> n
 
 @dataclass(frozen=True)
 class Timing:
-    """Statistics of a recording's time stamps: sample interval, its jitter, and gaps."""
+    """Statistics of a recording's time stamps: sample interval, its scatter, and gaps."""
 
     period_s: float
     """s, median interval between samples"""
     rate_hz: float
     jitter_s: float
-    """s, RMS deviation of the intervals, gaps excluded, from the median"""
+    """s, RMS deviation of the intervals, gaps excluded, from the median. If the time stamps have
+    independent errors, it is √2 times the RMS of these errors (`sampling_clock.Ticks.jitter_s`)."""
     gaps: int
     """Number of intervals in which samples are missing (`SamplingClock.missing`)"""
     longest_gap_s: float
@@ -188,8 +189,8 @@ def check_sampling_times(
         )
     if found.jitter_s > JITTER * found.period_s:
         warnings.append(
-            f"Sampling jitter: the intervals scatter by {1e3 * found.jitter_s:.3g} ms (RMS) about "
-            f"{1e3 * found.period_s:.4g} ms."
+            f"Sampling jitter: the intervals between samples scatter by {1e3 * found.jitter_s:.3g} "
+            f"ms (RMS) about {1e3 * found.period_s:.4g} ms."
         )
     return warnings
 

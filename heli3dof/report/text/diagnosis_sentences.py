@@ -15,6 +15,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.conclusion.wrong_lengths import is_far
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import LIKE_SUFFIX
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, minus, quoted
 from heli3dof.identification.greybox.thrust_scale import Measured
@@ -34,6 +35,7 @@ VERDICTS = {
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
+LIKELY = "The remaining error is probably {}, which these recordings do not confirm."
 NOT_IMPORTED = "The log cannot be imported as it is."
 ONLY_ALLOWED_FOR = "Only {} were found; the fit allows for them."
 BY_REFIT = "Refitted parameters explain the simulation error; see the causes below."
@@ -52,9 +54,8 @@ COUNTED = "lost_share"
 """The only parameter that is counted, not estimated, and so has no standard deviation"""
 STAMPS = "uneven time stamps"
 SCALE_PREFIX = "encoder.scale."
-NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
-"""Effects that no sentence mentions, because no flight identifies them: only a cable's torque
-depends on yaw's zero"""
+YAW_ZERO = "encoder.offset.yaw"
+"""An effect that no flight shows: only a cable's torque depends on yaw's zero"""
 
 
 def variable(name: str) -> str:
@@ -91,6 +92,8 @@ def verdict(document: Document) -> str:
         meaning = WITH_REFIT if adopted(document) else BY_REFIT
     if word == "ambiguous":
         meaning = meaning.format(_why_ambiguous(document))
+    if likely := likely_effects(document):
+        meaning = LIKELY.format(f"the effect{'s' * (len(likely) > 1)} {listed(likely)}")
     if word == "unexplained" and far_inertias(document):
         meaning = WRONG_PROFILE
     if _only_import_failed(document):
@@ -109,6 +112,16 @@ def verdict(document: Document) -> str:
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def likely_effects(document: Document) -> list[str]:
+    """Return the effects of the catalogue that the residual torques resemble.
+
+    The result is empty unless each residual torque resembles an effect, and no other error remains
+    unexplained.
+    """
+    names = [str(x.get("like") or "") for x in document["leftover"]]
+    return list(dict.fromkeys(n.removesuffix(LIKE_SUFFIX) for n in names)) if all(names) else []
 
 
 def _why_ambiguous(document: Document) -> str:
@@ -333,12 +346,24 @@ def limits(document: Document) -> Iterator[str]:
             f"There are no null simulations ({nulls.rpartition(': ')[2]}), so only clear causes "
             "are reported. If you know the controller, add [controller] to the profile."
         )
+    yield from unconverged(document)
     noisy = noisy_axes(document)
     if noisy:
         yield (
             f"On {listed(noisy)} the fitted noise is larger than the simulation error. Part of it "
             "is not noise (dry friction and backlash look like this), so sizes on that axis are "
             "rough."
+        )
+
+
+def unconverged(document: Document) -> Iterator[str]:
+    """Yield a sentence if the search for the extended model's parameters had not converged."""
+    if document.get("about", {}).get("converged") is False:
+        yield (
+            "The fit of the extended model had not converged, so its parameters, its noise and the "
+            "noise floor may be wrong. Likely cause: motion that no effect explains, or too little "
+            "motion. Diagnose the recordings together with another flight: heli3dof diagnose REC "
+            "REC..."
         )
 
 
@@ -540,9 +565,10 @@ def not_adopted(document: Document) -> Iterator[str]:
             )
         change = f"ln L {fixed(low, 0)} … {fixed(high, 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {reason} ({change})."
-    hidden = [str(x) for x in document["not_identifiable"] if x not in NEVER_SHOWN]
+    hidden = [str(x) for x in document["not_identifiable"]]
     scales = [x for x in hidden if x.startswith(SCALE_PREFIX)]
-    hidden = [x for x in hidden if x not in scales]
+    no_flight = [x for x in hidden if x == YAW_ZERO]
+    hidden = [x for x in hidden if x not in scales + no_flight]
     if hidden:
         more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
         yield (
@@ -554,6 +580,8 @@ def not_adopted(document: Document) -> Iterator[str]:
             f"{listed(scales, 'or')} within the profile's tolerance is not identifiable from such "
             f"flights: {turn_by_hand(scales)}."
         )
+    if no_flight:
+        yield f"{YAW_ZERO} is not identifiable from any flight: no motion depends on yaw's zero."
 
 
 def equation_changes(document: Document) -> Iterator[str]:
@@ -647,7 +675,7 @@ def next_steps(document: Document) -> Iterator[str]:
     yield from wrong_profile
     if document["verdict"] == "off_calibration":
         yield from _profile_update(document)
-    upcoming = document["next_experiment"]
+    upcoming, likely = document["next_experiment"], likely_effects(document)
     if upcoming is not None:
         yield f"Next experiment: {_fly(document, upcoming['plan'])}. Reason: {upcoming['why']}."
     elif reason := document.get("about", {}).get("no_next_experiment"):
@@ -657,8 +685,18 @@ def next_steps(document: Document) -> Iterator[str]:
             f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
             "together with these recordings."
         )
+    elif likely:
+        yield (
+            f"To confirm {listed(likely)}: {_fly(document, 'large')}, then diagnose it together "
+            "with these recordings."
+        )
     has_formula = any(rest.get("formula") for rest in document["leftover"])
-    if has_formula and document["model"] and not wrong_profile:
+    if likely and not wrong_profile:
+        yield (
+            f"To fit {listed(likely)} without confirming it: heli3dof identify REC... --terms "
+            f"{','.join(f'+{name}' for name in likely)}"
+        )
+    elif has_formula and document["model"] and not wrong_profile:
         yield (
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
             f"--from {quoted(document['model'])}"
@@ -666,7 +704,7 @@ def next_steps(document: Document) -> Iterator[str]:
     if document["verdict"] != "off_calibration":
         yield from _profile_update(document)
     has_curve = any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"])
-    if has_curve and not wrong_profile:
+    if has_curve and not (likely or wrong_profile):
         yield (
             "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
             "rig could cause it, and add it as an effect (CONTRIBUTING.md)."

@@ -27,6 +27,7 @@ def diagnosis_summary(document: Document) -> list[str]:
         words.verdict(document),
         *faults(document),
         *simulation_error(document),
+        *words.unconverged(document),
         *words.calibration_change(document),
         *causes(document),
         *([f"{weaker} weaker cause{'s' * (weaker > 1)}: see --verbose."] if weaker > 0 else []),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning import plan_flights
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
@@ -18,6 +19,7 @@ from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped, NextExpe
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.catalogue import Probe, candidates
 from heli3dof.diagnosis.search.select import Choice
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.errors import UsageError
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -130,9 +132,33 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     assert all(len(causes) == 1 for causes in requested)
 
 
+def test_an_effect_that_a_residual_torque_resembles_is_planned_for(
+    base: Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    requested: list[Probe] = []
+
+    def recommend(base: Estimate, causes: list[Probe], **options: Any) -> NextExperiment:
+        requested.extend(causes)
+        return NextExperiment("coast-down", ("friction.coulomb.yaw",), "sure", 0.9, ())
+
+    monkeypatch.setattr(module, "recommend", recommend)
+    like = ResidualTorque(
+        "yaw", "yaw_rate", 0.3, (), (), 30.0, 0.99, (), "friction.coulomb.yaw-like"
+    )
+    found = replace(diagnosed(base), residual_torques=(like,))
+    result = next_experiment(found)
+    assert result is not None
+    assert result.why == "sure, which would explain the residual torque of these recordings"
+    (probe,) = requested
+    assert probe.term.name == "friction.coulomb.yaw"
+    assert probe.values == pytest.approx((0.03,), rel=0.2)  # the rig's
+    unlike = replace(like, resembles=None)
+    assert replace(found, residual_torques=(like, unlike)).likely_effects == ()
+
+
 def forecast(*margins: float, scores: tuple[float, ...]) -> PlanForecast:
     f = PlanForecast("rich", 60.0, margins, 0.0, scores)
-    return replace(f, certainty=module._certainty(f))
+    return replace(f, certainty=module._certainty(f, TIE))
 
 
 def test_a_plan_that_hardly_decides_is_introduced_by_that() -> None:

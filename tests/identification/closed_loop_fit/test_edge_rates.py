@@ -66,6 +66,13 @@ def test_the_inertias_lie_within_their_intervals(fitted: tuple[Setup, CorrectedF
 
 
 @pytest.mark.accuracy
+@pytest.mark.parametrize("seed", [3, 7])
+def test_steps_converge(seed: int) -> None:
+    whole = flown("steps", 60.0, device=f"mock:?speed=max&seed={seed}", seed=seed)
+    assert fit_base(Setup((whole,), seed=0, flights_per_round=6)).optimum.converged
+
+
+@pytest.mark.accuracy
 def test_a_start_at_the_wrong_end_of_the_ridge_converges(
     fitted: tuple[Setup, CorrectedFit],
 ) -> None:

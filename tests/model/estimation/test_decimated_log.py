@@ -50,6 +50,13 @@ def test_a_hole_has_a_row_for_every_period_and_a_short_gap_has_none() -> None:
     assert np.diff(whole.t)[at[4] :] == pytest.approx(0.002)
 
 
+def test_from_a_given_instant_on_a_hole_has_the_values_of_the_row_after_it() -> None:
+    t = 0.002 * np.array([0, 1, 601, 602])  # 1.2 s
+    whole, at = with_loop_rows(log(t, np.arange(4.0)), {1: t[1] + 1.0})
+    assert at.tolist() == [0, 1, 601, 602]
+    assert whole.voltage[:, 0] == pytest.approx([0.0, *[1.0] * 500, *[2.0] * 101, 3.0])
+
+
 def test_what_is_filled_in_has_a_row_for_every_period_and_the_log_s_own_among_them() -> None:
     thin = log(0.01 * np.array([0, 1, 2, 4]), np.array([0.0, 10.0, 20.0, 40.0]))
     whole, at = with_loop_rows(thin)

@@ -364,7 +364,7 @@ def jittery() -> dict[str, Any]:
             "2 gaps in time (0.73 % of the samples are missing, the longest interval "
             "between samples is 0.022 s)",
         ),
-        (jittery, "Sampling jitter: the intervals"),
+        (jittery, "Sampling jitter: the intervals between samples scatter"),
         (lambda: columns() | {"t_s": 2 * columns()["t_s"]}, "Sampled at 250 Hz"),
         (
             lambda: columns() | {"v_front_V": np.full(1500, 3.0), "v_back_V": np.full(1500, 3.0)},

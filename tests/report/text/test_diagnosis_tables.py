@@ -126,6 +126,40 @@ def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> 
     assert "| pitch | – |" not in text  # an axis that was not measured has no row
 
 
+TORQUE: dict[str, Any] = {
+    "axis": "yaw", "depends_on": "yaw_rate", "share": 0.3, "like": "friction.viscous.yaw-like",
+    "term": "empirical.yaw_rate.yaw", "formula": "c * yaw_rate", "formula_alternatives": [],
+    "formula_parameters": {"c": {"value": -0.05, "std": 0.01, "unit": "N·m/(rad/s)"}},
+    "gain": DOCUMENT["gain"],
+}  # fmt: skip
+
+
+def test_torques_like_known_effects_are_not_called_unknown() -> None:
+    text = text_of(changed(verdict="unexplained", leftover=[TORQUE], next_experiment=None))
+    assert "probably the effect friction.viscous.yaw, which these recordings do not" in text
+    assert "To confirm friction.viscous.yaw: heli3dof run large" in text
+    assert "heli3dof identify REC... --terms +friction.viscous.yaw" in text
+    assert "no known cause" not in text
+    assert "effect new" not in text
+    other = {**TORQUE, "axis": "pitch", "like": None}
+    text = text_of(changed(verdict="unexplained", leftover=[TORQUE, other]))
+    assert "no known cause" in text
+    assert "effect new" in text
+    assert "identify REC" not in text
+
+
+def test_a_fit_that_did_not_converge_is_stated() -> None:
+    for document, is_stated in (
+        (changed(about={"converged": False}), True),
+        (changed(about={"converged": True}), False),
+        (DOCUMENT, False),
+    ):
+        assert ("had not converged" in text_of(document)) == is_stated
+        assert (
+            "had not converged" in "\n".join(diagnosis_summary.diagnosis_summary(document))
+        ) == is_stated
+
+
 def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
     rest = {"axis": "pitch", "depends_on": None, "share": 0.0, "term": None, "formula": None}
     rest["error_deg"] = {"simulation": 7.0, "extended_model": 6.2, "noise_floor": None}
@@ -388,8 +422,9 @@ def test_an_unconfirmed_candidate_is_reported_as_not_adopted() -> None:
 
 
 def test_an_encoder_scale_needs_a_turn_by_hand_and_not_a_larger_flight() -> None:
-    hidden = ["motor.delay", "encoder.scale.pitch", "encoder.scale.yaw"]
+    hidden = ["motor.delay", "encoder.offset.yaw", "encoder.scale.pitch", "encoder.scale.yaw"]
     text = text_of(changed(not_identifiable=hidden))
+    assert "encoder.offset.yaw is not identifiable from any flight" in text
     assert "even if large: motor.delay.\n" in text
     assert "encoder.scale.pitch or encoder.scale.yaw within the profile's tolerance is not" in text
     assert "turn pitch and yaw by hand through a known angle" in text
