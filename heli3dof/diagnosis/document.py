@@ -325,10 +325,11 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the catalogue's plan for the first cause that a flight can separate from others.
+    """Return the flight plan that the catalogue of effects recommends next; None if it has none.
 
-    The plan is the attribute ``separated_by`` of the cause's effect, or "rich" if this attribute is
-    empty. The result is None if there is no such cause.
+    The plan is for the first cause that a further flight can distinguish from the causes confounded
+    with it. It is the attribute ``separated_by`` of the cause's effect. Effects without a plan of
+    their own have an empty attribute; then the plan is "rich", a general excitation.
     """
     for cause in physical(in_order_of_selection(d.faults, d.findings, d.calibration_findings)):
         name = cause.term.name

@@ -13,7 +13,7 @@ CLOSED_LOOP, RAMP_DOWN = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Data of one control period: sample, command computed from it, and the device's output."""
+    """Data of one control period: sample, voltages computed from it, and voltages of the device."""
 
     t: float
     """s since the first sample, on the device's clock."""

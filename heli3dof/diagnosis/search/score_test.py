@@ -163,8 +163,8 @@ class Screen:
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
         """Return for each term: indices of its probes, model with the term, values of parameters.
 
-        A probe sets the term's parameters to trial values. The first array of parameter values is
-        that without effect; then follows one array for each probe.
+        A probe sets the term's parameters to trial values. With the first array of parameter
+        values, the term has no effect. Each further array contains the trial values of one probe.
         """
         rows: dict[str, list[int]] = {}
         for i, p in enumerate(self.plain):

@@ -4,12 +4,13 @@ A change of the model adds δa (rad/s²) to the accelerations. At each of E *eve
 Kalman filter (`heli3dof.model.estimation.ekf_quantised`) reads an encoder and updates its state
 x = (q, q̇), in rad and rad/s. x and the prediction c of each reading change by
 
-    δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from a row to the next, h (s) later
-    δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
+    δx ← Φ δx + [h²/2; h] δa          from one row to the next, h (s) later
+    δc = σ δx_c,   δx ← δx − K w δc   at each event of the encoders
 
-x_c is the component of x that the event reads, σ = ∂c/∂x_c, and w = −∂² ln Z/∂c² is the reading's
-information, with its likelihood Z. K (E, 6) is the covariance of x and c before the event. K w, the
-Kalman gain, is held fixed.
+Φ is the transition matrix over h of the linearised model, with A = ∂q̈/∂(q, q̇). x_c is the
+component of x that the event reads, σ = ∂c/∂x_c, and w = −∂² ln Z/∂c² is the reading's information,
+with its likelihood Z. K (E, 6) is the covariance of x and c before the event. K w, the Kalman gain,
+is held fixed.
 
 - `forcing`: computes δa, constant within chunks of `CHUNK_S`, from a change of parameters or
   effects
@@ -17,10 +18,10 @@ Kalman gain, is held fixed.
 - `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of a weighted sum
   Σ_e q_e δc_e with respect to the change δa_b in each chunk b. The sum is then Σ_b L_b · δa_b for
   every change δa, so a single pass serves all changes
-- `misreading`: computes the change δm (rad) of an encoder reading at an unchanged angle. With δm,
-  `forward` computes δc = σ δx_c + δm at the events of this angle. In each run of rows without gaps,
-  the filter's first angle follows from the first reading. So `forward` starts each run with the
-  change −δm/σ of the angle
+- `misreading`: computes the change δm (rad) of the reading that the encoder's model predicts at a
+  given angle; the recorded reading stays the same. With δm, `forward` computes δc = σ δx_c + δm at
+  the events of this angle. In each run of rows without gaps, the filter computes its first angle
+  from the first recorded reading. So `forward` starts each run with the change −δm/σ of the angle
 """
 
 from __future__ import annotations

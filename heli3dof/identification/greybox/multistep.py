@@ -360,8 +360,9 @@ def likeliest_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise (4,) that maximises the likelihood at the scaled parameters z (dim,).
 
     The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The search
-    first compares the jitters `JITTERS_S`, with the process noise of ``a`` (4,). Then it keeps the
-    best jitter and changes the process noise by up to four Newton steps.
+    starts at the noise ``a`` (4,), in the same order. It first compares the jitters `JITTERS_S`,
+    with the process noise of ``a``. Then it keeps the best jitter and changes the process noise by
+    up to four Newton steps.
     """
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a = np.append(a[:3], JITTERS_S[int(np.argmax(tried))])

@@ -170,8 +170,9 @@ def mean_thrust_steps(  # type: ignore[no-untyped-def]
 ):
     """Advance the state x from row a to row ``end`` in time steps of ``stride`` rows.
 
-    Each step is `mean_thrust_step`, then dry friction, then the stop at the table at roll ``low``
-    (rad). ``thrust_integral``: see `mean_thrust_step`. Other arguments: see the head of this file.
+    Each step is `mean_thrust_step`, then dry friction. Then roll is limited to at least ``low``
+    (rad), at which the rig lies on the table. ``thrust_integral``: see `mean_thrust_step`. Other
+    arguments: see the head of this file.
     """
     while a < end:
         b = min(a + stride, end)

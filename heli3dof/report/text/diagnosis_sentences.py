@@ -98,8 +98,9 @@ def verdict(document: Document) -> str:
         meaning = WRONG_PROFILE
     if _only_import_failed(document):
         meaning = NOT_IMPORTED
-    if word == "explained" and all(map(is_allowed_for, document["findings"])):
-        what = {"lost samples" if is_counted(f) else STAMPS for f in document["findings"]}
+    found = document["findings"]
+    if word == "explained" and found and all(map(is_allowed_for, found)):
+        what = {"lost samples" if is_counted(f) else STAMPS for f in found}
         meaning = ONLY_ALLOWED_FOR.format(listed(sorted(what)))
     if word == "nothing_found":
         if noise_is_unknown(document):

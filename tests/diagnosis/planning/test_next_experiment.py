@@ -186,7 +186,6 @@ def test_a_chirp_separates_a_lag_from_a_delay_whichever_the_rig_has(base: Estima
     t = [Probe(term("motor.lag"), (0.03,)), Probe(term("motor.delay"), (0.024,))]
     (chirp,) = recommend(base, t, plans=["chirp"]).ranking
     assert min(chirp.margins) > 100.0
-    assert chirp.certainty > 0.99
 
 
 def test_an_error_is_raised_if_no_plan_can_be_flown(base: Estimate) -> None:

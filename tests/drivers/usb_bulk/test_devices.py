@@ -167,7 +167,8 @@ def test_a_malformed_bus_fault_is_refused(text: str):
 
 def test_the_page_names_every_option_of_both_drivers():
     page = (ROOT / "docs" / "how-to" / "connect-a-rig.md").read_text(encoding="utf-8")
-    assert all(f"| `{option}` |" in page for option in UsbDriver.options)
+    options = {cell for row in page.splitlines() for cell in row.split("|")[1:2]}
+    assert all(any(f"`{option}`" in cell for cell in options) for option in UsbDriver.options)
     assert set(UsbMockDriver.options) == {*UsbDriver.options, *RigOptions.names(), "bus"}
 
 
