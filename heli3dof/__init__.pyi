@@ -1,29 +1,22 @@
-from .comparison.metrics import AxisMetrics
-from .diagnosis.planning.run_auto import Fly, Message
-from .experiment.control_loop.loop import Live
-from .experiment.simulate import Start
-from .model.base import Model
-from .paper.reproduction import Reproduced
-from .report.pages.flight_report import Diagnosed
-from .rig.interface import Check, Identity
-from .rig.profile import ControllerSpec
-from .rig.session.stoppable_rig import StoppableRig
-from .stage_clock import Progress
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 from pathlib import Path
 from typing import Any
+
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
 from .comparison.compare import Comparison as Comparison
 from .comparison.compare import compare as _public_compare
 from .comparison.document import comparison_document as comparison_document
+from .comparison.metrics import AxisMetrics
 from .comparison.metrics import flight_metrics as _public_flight_metrics
 from .diagnosis.diagnose import diagnose as _public_diagnose
 from .diagnosis.document import diagnosis_document as diagnosis_document
 from .diagnosis.planning.next_experiment import next_experiment as next_experiment
 from .diagnosis.planning.run_auto import AutoResult as AutoResult
+from .diagnosis.planning.run_auto import Fly, Message
 from .diagnosis.planning.run_auto import run_auto as _public_run_auto
 from .diagnosis.result import Diagnosis as Diagnosis
 from .diagnosis.result import NextExperiment as NextExperiment
@@ -38,6 +31,7 @@ from .errors import RecordingError as RecordingError
 from .errors import SafetyTrip as SafetyTrip
 from .errors import UnstableLoop as UnstableLoop
 from .errors import UsageError as UsageError
+from .experiment.control_loop.loop import Live
 from .experiment.doctor import DoctorReport as DoctorReport
 from .experiment.doctor import doctor as _public_doctor
 from .experiment.fly import Flight as Flight
@@ -47,9 +41,11 @@ from .experiment.plan import load_plan as load_plan
 from .experiment.plan import named_plans as named_plans
 from .experiment.plan import plan_from_dict as plan_from_dict
 from .experiment.plan import step_plan as step_plan
+from .experiment.simulate import Start
 from .experiment.simulate import simulate as _public_simulate
 from .identification.identify import Identification as Identification
 from .identification.identify import identify as _public_identify
+from .model.base import Model
 from .model.control.controller import Controller as Controller
 from .model.control.stability import check_loop as _public_check_loop
 from .model.effects import effects as effects
@@ -60,6 +56,7 @@ from .model.linear.hover import hover_model as _public_hover_model
 from .model.linear.model import LinearModel as LinearModel
 from .model.model_file import save_model as _public_save_model
 from .paper.models import load_model as _public_load_model
+from .paper.reproduction import Reproduced
 from .recording.info import file_info as _public_file_info
 from .recording.load import load as _public_load
 from .recording.logs.from_arrays import make_recording as _public_make_recording
@@ -71,11 +68,14 @@ from .recording.save_profile import save_profile as _public_save_profile
 from .recording.write import write_recording as _public_write_recording
 from .report.figures.comparison import comparison_figures as comparison_figures
 from .report.figures.flight import flight_figure as _public_flight_figure
+from .report.pages.flight_report import Diagnosed
 from .report.pages.flight_report import flight_report as _public_flight_report
 from .report.text.diagnosis_summary import diagnosis_summary as diagnosis_summary
 from .rig.drivers import find_rigs as find_rigs
+from .rig.interface import Check, Identity
 from .rig.interface import Command as Command
 from .rig.interface import Sample as Sample
+from .rig.profile import ControllerSpec
 from .rig.profile import Profile as Profile
 from .rig.profile import default_profile as default_profile
 from .rig.profile import load_profile as load_profile
@@ -83,8 +83,10 @@ from .rig.profile import profile_from_dict as profile_from_dict
 from .rig.session.estop import EstopResult as EstopResult
 from .rig.session.estop import estop as estop
 from .rig.session.open_exclusive import open_rig as _public_open_rig
+from .rig.session.stoppable_rig import StoppableRig
 from .rig.zero import ZeroResult as ZeroResult
 from .rig.zero import zero as _public_zero
+from .stage_clock import Progress
 
 __version__: str
 
