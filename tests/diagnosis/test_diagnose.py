@@ -5,6 +5,7 @@ tests/cli/test_diagnose.py has a hidden effect, named with its size.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -70,6 +71,7 @@ def test_a_search_whose_causes_are_dropped_restarts_without_them(
     names = [name for search in searches for name in search]
     assert len(names) == len(set(names)) > 1
     assert [d.name for d in result.dropped] == names
+    assert json.loads(json.dumps(result.to_dict()))["verdict"] == result.verdict
     assert result.fitted is not None
     assert result.fitted.final is result.fitted.base
 

@@ -113,7 +113,7 @@ def maximise_corrected(
             noise_step = float(np.abs(step).max())
             if noise_step > NOISE_CONVERGED:
                 a = scaled_noise(a, step)
-        converged = accepted and gain < TOLERANCE and noise_step <= NOISE_CONVERGED
+        converged = bool(accepted and gain < TOLERANCE and noise_step <= NOISE_CONVERGED)
         if converged or not accepted:
             break
     if not converged:  # the last step changed theta or the noise

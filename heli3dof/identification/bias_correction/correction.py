@@ -220,7 +220,7 @@ def corrected_from(
         length = float(np.abs(step / sd).max())
         if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
             return None
-        converged = length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED
+        converged = bool(length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED)
         if not converged:
             if count == 1:
                 scale = np.concatenate([sd, np.full(3, NOISE_CONVERGED / CONVERGED)])
