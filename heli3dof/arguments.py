@@ -41,6 +41,8 @@ SHOWN = 40
 """Largest number of characters of an argument in a message; a longer one is named by its type"""
 Given = Mapping[str, Any]
 """A call's arguments by the parameter's name, converted in the order of `CONVERSIONS`"""
+Conversion = Callable[[str, Any, Given], Any]
+"""(name of the argument, its value, all arguments) → converted value"""
 
 
 def converted(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -237,24 +239,21 @@ def _text(name: str, value: Any, given: Given) -> str:
     return value
 
 
-def _texts(name: str, value: Any, given: Given) -> Any:
-    """Return one or several texts unchanged."""
-    for text in _several(value):
-        _text(name, text, given)
-    return value
-
-
 def _path(name: str, value: Any, given: Given) -> Any:
     if not isinstance(value, str | os.PathLike):
         raise _wrong(name, value, "a path: a text or a pathlib.Path", f"{name}='flights/a.mcap'")
     return value
 
 
-def _paths(name: str, value: Any, given: Given) -> Any:
-    """Return one or several paths unchanged."""
-    for path in _several(value):
-        _path(name, path, given)
-    return value
+def _each(check: Conversion) -> Conversion:
+    """Return the check of an argument that is one object or several: ``check`` of each of them."""
+
+    def checked(name: str, value: Any, given: Given) -> Any:
+        for element in _several(value):
+            check(name, element, given)
+        return value
+
+    return checked
 
 
 def _metadata(name: str, value: Any, given: Given) -> Any:
@@ -288,7 +287,7 @@ def _diagnosis_document(name: str, value: Any, given: Given) -> Any:
     return value
 
 
-CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
+CONVERSIONS: Mapping[str, Conversion] = {
     "profile": _profile,
     "plan": _plan,
     "first": _plan,
@@ -309,9 +308,9 @@ CONVERSIONS: Mapping[str, Callable[[str, Any, Given], Any]] = {
     "budget_min": _number,
     "order": _whole,
     **dict.fromkeys(("device", "method", "base", "title"), _text),
-    "terms": _texts,
+    "terms": _each(_text),
     **dict.fromkeys(("path", "name_or_path", "output", "folder"), _path),
-    "paths": _paths,
+    "paths": _each(_path),
     "meta": _metadata,
     **dict.fromkeys(("progress", "each", "opened", "warn"), _function),
     **dict.fromkeys(("found", "d"), _diagnosis),

@@ -166,7 +166,7 @@ def _model_comparison(
 
 def _other_rig(flown: Recording, model: Model) -> str:
     """Return a sentence if ``model`` is of another rig than the recording; else an empty text."""
-    differing = differing_numbers(model.profile, flown.profile) if model.profile else ""
+    differing = differing_numbers(model.profile, flown.profile)
     return f"The model is of another rig than the recording: {differing}." if differing else ""
 
 

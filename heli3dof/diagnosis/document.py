@@ -28,6 +28,7 @@ from heli3dof.diagnosis.result import (
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
+from heli3dof.identification.greybox.thrust_scale import Measured
 from heli3dof.identification.profile_update import profile_keys, ratios
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import term
@@ -165,21 +166,23 @@ def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
     if f is None:
         return []
     biased = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
-    base = {c.name: c for c in f.calibration}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
-        for n, m in ratios(base, f.model.profile, hover).items()
+        for n, m in _measured_ratios(f, hover).items()
         if n not in biased
     ]
+
+
+def _measured_ratios(f: Fitted, hover: LevelHover | None) -> dict[str, Measured]:
+    return ratios({c.name: c for c in f.calibration}, f.model.profile, hover)
 
 
 def _wrong_lengths(f: Fitted, hover: LevelHover | None) -> dict[str, dict[str, float]]:
     """Return {length: its value in the profile, its probable true value} if lengths are wrong."""
     profile = f.model.profile
-    base = {c.name: c for c in f.calibration}
     return {
         name: {"profile": getattr(profile.geometry, name), "value": value}
-        for name, value in wrong_lengths(profile, ratios(base, profile, hover)).items()
+        for name, value in wrong_lengths(profile, _measured_ratios(f, hover)).items()
     }
 
 

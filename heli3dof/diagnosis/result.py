@@ -251,12 +251,11 @@ class Diagnosis(Result):
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes, strongest first: the findings by their gain, then faults of recordings.
+    """Return all causes, strongest first: the findings as `by_gain` sorts them, then the faults.
 
-    The gain is the increase of the log-likelihood of held-out data. Findings without this gain are
-    last, in the order of ``findings``. The other causes are placed as in `in_order_of_selection`.
+    The other causes are placed as in `in_order_of_selection`.
     """
-    return in_order_of_selection(faults, sorted(findings, key=lambda f: -_held_out_gain(f)), off)
+    return in_order_of_selection(faults, by_gain(findings), off)
 
 
 def in_order_of_selection(
@@ -275,9 +274,18 @@ def in_order_of_selection(
     return (*out, *faults)
 
 
-def _held_out_gain(f: Finding) -> float:
-    won = f.gain.log_likelihood
-    return -inf if won is None else won.value
+def by_gain(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings, sorted by their gain: the one with the largest gain is first.
+
+    The gain is the increase of the log-likelihood of held-out data. Findings without this gain are
+    last, in the given order.
+    """
+
+    def gain(f: Finding) -> float:
+        won = f.gain.log_likelihood
+        return -inf if won is None else won.value
+
+    return sorted(findings, key=gain, reverse=True)
 
 
 def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:

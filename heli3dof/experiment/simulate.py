@@ -44,7 +44,7 @@ def simulate(
             fix="start='rest' (on the table), or start='level'",
         )
     profile = (profile or model.profile or default_profile()).with_controller()
-    other = differing_numbers(model.profile, profile) if model.profile else ""
+    other = differing_numbers(model.profile, profile)
     warning = f"The model {model.name!r} is of another rig than the profile: {other}."
     controller = profile.controller
     assert controller is not None

@@ -112,8 +112,8 @@ def _has_same_fault(recording: Recording, front: str, back: str) -> bool:
     logged = Table("", {"f": voltage[:, 0], "b": voltage[:, 1]}, str)
     right = {"v_front_V": front.format(f="f", b="b"), "v_back_V": back.format(f="f", b="b")}
     columns = mapped(logged, right, {}).columns
-    distances = (
-        np.median(np.abs(command - each).sum(axis=1))
-        for each in (voltage, np.column_stack([columns[name] for name in right]))
+    corrected = np.column_stack([columns[name] for name in right])
+    from_recorded, from_corrected = (
+        np.median(np.abs(command - each).sum(axis=1)) for each in (voltage, corrected)
     )
-    return bool(next(distances) < next(distances))
+    return bool(from_recorded < from_corrected)

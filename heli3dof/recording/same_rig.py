@@ -30,8 +30,13 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
             )
 
 
-def differing_numbers(one: Profile, other: Profile) -> str:
-    """Return a number in which two rigs differ, for a message; an empty text for equal rigs."""
+def differing_numbers(one: Profile | None, other: Profile) -> str:
+    """Return a number in which two rigs differ, for a message; an empty text for equal rigs.
+
+    ``one`` is None for a model without a profile, which is not compared.
+    """
+    if one is None:
+        return ""
     numbers, others = _rig_numbers(one), _rig_numbers(other)
     differing = [k for k, v in numbers.items() if v != others[k]]
     if not differing:

@@ -24,13 +24,12 @@ from heli3dof.diagnosis.conclusion.adoption import (
     worsens,
 )
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.search.candidate_fits import with_term_at
+from heli3dof.diagnosis.search.candidate_fits import refit_with_term
 from heli3dof.diagnosis.search.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import gain
-from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
@@ -100,7 +99,5 @@ def with_sizes(result: AdoptionResult) -> AdoptionResult:
 
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
     """Return ``fit`` extended by the proposal's term, refitted and bias-corrected."""
-    o = fit.optimum
-    wide, start = with_term_at(fit.problem, o.theta, term(proposal.term), proposal.start)
-    at = maximise_corrected(wide, start, o.noise, None)
-    return bias_corrected(setup, wide, at, fit)
+    problem, optimum = refit_with_term(fit, term(proposal.term), proposal.start)
+    return bias_corrected(setup, problem, optimum, fit)

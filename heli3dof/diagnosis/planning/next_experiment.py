@@ -58,6 +58,7 @@ from heli3dof.diagnosis.search.candidate_fits import (
     CandidateFit,
     bic_penalty,
     fit_start,
+    refit_with_term,
     with_term_at,
 )
 from heli3dof.diagnosis.search.catalogue import Probe
@@ -119,9 +120,7 @@ def fitted_cause(candidate: CandidateFit) -> Probe:
 
     The refit adds the term to the model and estimates all parameters.
     """
-    values = candidate.problem.values(candidate.optimum.theta)
-    own = values[-len(candidate.term.effect.parameters) :]
-    return Probe(candidate.term, tuple(map(float, own)))
+    return _as_fitted(candidate.term, candidate.problem, candidate.optimum)
 
 
 def typical_cause(name: str) -> Probe:
@@ -141,11 +140,13 @@ def typical_cause(name: str) -> Probe:
 
 def likely_cause(base: Estimate, name: str) -> Probe:
     """Return the term ``name`` with the parameter values of a refit of ``base`` with this term."""
-    t = term(name)
-    o = base.optimum
-    problem, start = with_term_at(base.problem, o.theta, t, typical_cause(name).values)
-    refit = maximise_corrected(problem, start, o.noise, None)
-    own = problem.values(refit.theta)[-len(t.effect.parameters) :]
+    typical = typical_cause(name)
+    return _as_fitted(typical.term, *refit_with_term(base, typical.term, typical.values))
+
+
+def _as_fitted(t: Term, problem: Likelihood, optimum: Optimum) -> Probe:
+    """Return the term ``t`` with its values in a fit, which are the last parameters of the fit."""
+    own = problem.values(optimum.theta)[-len(t.effect.parameters) :]
     return Probe(t, tuple(map(float, own)))
 
 

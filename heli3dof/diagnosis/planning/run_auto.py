@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.diagnosis import diagnose
 from heli3dof.diagnosis.planning import next_experiment
-from heli3dof.diagnosis.result import Finding
+from heli3dof.diagnosis.result import by_gain
 from heli3dof.errors import OutputExists, UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan
@@ -142,7 +142,7 @@ def _why_ended(
 
 
 def _sentence(result: Diagnosis, upcoming: NextExperiment | None) -> str:
-    names = ", ".join(f.term.name for f in result.in_order if isinstance(f, Finding))
+    names = ", ".join(f.term.name for f in by_gain(result.findings))
     verdict = result.verdict.replace("_", " ") + (f" ({names})" if names else "")
     return verdict if upcoming is None else f"{verdict}; next: {upcoming.plan}, {upcoming.why}"
 

@@ -47,6 +47,7 @@ from heli3dof.diagnosis.search.score_test import ScreenResult
 from heli3dof.diagnosis.search.screening import Screening
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, Start
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum, noise_step
 from heli3dof.model.effects import Term
@@ -294,6 +295,18 @@ def start_at_probe(
             room = min(0.01 * (f.high - f.low), 0.05 * f.typical)
             inside.append(f.scaled(min(max(v, f.low + room), f.high - room)))
     return np.concatenate([current.optimum.theta, inside])
+
+
+def refit_with_term(
+    fit: Estimate, term: Term, values: Sequence[float]
+) -> tuple[Likelihood, Optimum]:
+    """Return the likelihood of ``fit`` extended by ``term``, and its maximum (no bias correction).
+
+    ``values``: the values of the term's parameters at which the search starts, in their units.
+    """
+    o = fit.optimum
+    problem, start = with_term_at(fit.problem, o.theta, term, values)
+    return problem, maximise_corrected(problem, start, o.noise, None)
 
 
 def fit_start(

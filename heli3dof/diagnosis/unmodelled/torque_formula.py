@@ -46,7 +46,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.search.candidate_fits import bic_penalty, with_term_at
+from heli3dof.diagnosis.search.candidate_fits import bic_penalty, refit_with_term
 from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, hat_sensitivities, hats
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
@@ -60,7 +60,6 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
 )
 from heli3dof.distributions import t_isf
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
-from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.bias_correction.perturbation import forward, project_out
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
@@ -154,10 +153,7 @@ def with_product(
     The result is the likelihood function of the extended model, and the maximum that the refit
     found. ``product``: φ as text; ``c``: the coefficient at which the refit starts, in SI units.
     """
-    o = fit.optimum
-    torque = term(f"{PREFIX}{product}.{axis}")
-    problem, start = with_term_at(fit.problem, o.theta, torque, (c,))
-    return problem, maximise_corrected(problem, start, o.noise, None)
+    return refit_with_term(fit, term(f"{PREFIX}{product}.{axis}"), (c,))
 
 
 def significant_formula(x: Evidence) -> TorqueLocation | None:

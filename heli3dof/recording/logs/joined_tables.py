@@ -7,9 +7,11 @@ uses the means of the voltages.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -145,24 +147,25 @@ def join_used(tables: Sequence[Table], expressions: Iterable[str]) -> Table:
     has such a column, all are joined.
     """
     text = "\n".join(expressions)
-    used = [table for table in tables if _is_used(table, text)]
-    if not used or len(used) == len(tables):
+    is_kept = [_is_used(table, text) for table in tables]
+    if not any(is_kept) or all(is_kept):
         return join(tables)
-    kept, n = used, len(join(used))
+
+    def joined() -> Table:
+        return join(list(itertools.compress(tables, is_kept)))
+
+    result = joined()
     ignored = [entry for table in tables for entry in table.ignored]
-    for table in tables:
-        if any(table is each for each in kept):
-            continue
-        more = [t for t in tables if t is table or any(t is each for each in kept)]
-        try:
-            keeps_rows = len(join(more)) == n
-        except RecordingError:
-            keeps_rows = False
-        if keeps_rows:
-            kept = more
-        else:
-            ignored.append(f"{_signals(table)}: not mapped, and not sampled at all times")
-    return replace(join(kept), ignored=ignored)
+    for i in [i for i, kept in enumerate(is_kept) if not kept]:
+        is_kept[i] = True
+        with suppress(RecordingError):
+            wider = joined()
+            if len(wider) == len(result):
+                result = wider
+                continue
+        is_kept[i] = False
+        ignored.append(f"{_signals(tables[i])}: not mapped, and not sampled at all times")
+    return replace(result, ignored=ignored)
 
 
 def _is_used(table: Table, text: str) -> bool:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from heli3dof.diagnosis.result import Diagnosis, Finding
+from heli3dof.diagnosis.result import Diagnosis, by_gain
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
@@ -60,7 +60,7 @@ def figure_data(
     if found.findings:
         base = model_of(f.base, list(recordings), "base")
         flown = replayed(base, f.model, unseen)
-    findings = (x for x in found.in_order if isinstance(x, Finding))
+    findings = by_gain(found.findings)
     seen = (torque_curve(f.final, x.term, x.noise) for x in findings)
     return FigureData(
         f.simulation_error,
