@@ -129,8 +129,8 @@ and the commit that was measured. The computer was shared, so times are upper bo
 In rows of the diagnosis:
 
 - A simulated rig has hidden effects, which the diagnosis should report as causes.
-- *Wrong name*: a reported cause that the flight does not contain. The diagnosis lists no effect as
-  confounded with it, and does not mark it "…-like" (unconfirmed).
+- *Wrong name*: a reported cause that the rig does not have. A cause does not count as a wrong name
+  if the diagnosis lists an effect as confounded with it, or marks it "…-like" (unconfirmed).
 - *Unknown torque*: a hidden effect that the catalogue lacks.
 - *Other rigs*: rigs on which the diagnosis was not developed.
 - *Third plant*: a simulator written independently of heli3dof and of the emulated rig.
