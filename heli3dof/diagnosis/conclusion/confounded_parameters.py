@@ -62,9 +62,9 @@ within the bounds of the effect ``encoder.scale`` and satisfies
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e_r
 
-So the recordings cannot prove a scale error. If a finding is confounded with the scale error of an
-axis, the report names the scale error with this finding. Otherwise it lists the scale error as not
-identifiable.
+The recordings alone cannot prove a scale error, because other inertias give nearly the same
+readings. If a finding is confounded with the scale error of an axis, the report names the scale
+error with this finding. Otherwise it lists the scale error as not identifiable.
 
 Roll may be an exception, because a scale error of roll also shifts the level angle. If k = 1 + ε,
 the shift is rest (1 − 1/(1 + ε)). Suppose that the recordings would show an encoder offset of this
