@@ -187,10 +187,14 @@ def _wrong_lengths(f: Fitted, hover: LevelHover | None) -> dict[str, dict[str, f
 
 
 def _calibration_gain(f: Fitted | None) -> dict[str, Any]:
-    """Return the JSON object of the gain of refitted parameters over those of the profile.
+    """Return a JSON object: how much the refit of the base parameters reduces prediction errors.
 
-    ``explains_with_causes`` is True if they remove most of an axis' error also from a model that
-    contains the causes. It is None if the model has none, or if this was not measured.
+    The base parameters are the trim torque and the inertias. The object compares two base
+    simulations: one with the refitted values, one with the profile's values.
+
+    The same comparison is made for the model that contains the causes. ``explains_with_causes`` is
+    True if there, too, the refitted values remove most of the error of at least one axis. It is
+    None if there are no causes, or if this comparison was not made.
     """
     with_causes = None if f is None else f.refit_with_causes
     return {

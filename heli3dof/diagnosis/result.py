@@ -251,9 +251,10 @@ class Diagnosis(Result):
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes, strongest first: the findings as `by_gain` sorts them, then the faults.
+    """Return all causes: the findings by falling gain (`by_gain`), then faults of the recordings.
 
-    The other causes are placed as in `in_order_of_selection`.
+    ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
+    inserted before the first finding with a lower score.
     """
     return in_order_of_selection(faults, by_gain(findings), off)
 

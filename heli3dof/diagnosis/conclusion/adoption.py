@@ -17,21 +17,23 @@ are wide.
 Even if a condition holds, a cause is dropped for any of these reasons:
 
 - It worsens the predictions: the RMSE of at least one axis increases, and the RMSE of no axis
-  decreases. Only significant changes that exceed the encoder's rounding count (`worsens`).
+  decreases. An RMSE counts as changed only if the change is significant and larger than the
+  encoder's rounding (`worsens`).
 - Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`search.nulls`). Z is
   the cause's standardised score in the score test. ρ is the factor by which coloured noise
   increases the variance of this score (`bias_correction.coloured_noise`).
 - An encoder error of at most one count explains the data equally well (`within_a_count`).
 
-If no flights could be simulated, there are two further reasons (`conclusion.unknown_controller`):
+If no flights could be simulated, the likelihood may be biased. A cause must then also meet two
+conditions (`conclusion.unknown_controller`):
 
-- The cause acts on an axis whose inertia is implausible in the fit.
-- The cause does not improve the predictions of any axis with a plausible inertia: no RMSE decreases
-  by more than the encoder's rounding. Backlash is exempt, because predictions hardly show it.
+1. If the cause acts on one axis, the fit gives this axis a plausible inertia.
+2. The RMSE of an axis with a plausible inertia decreases significantly, by more than the encoder's
+   rounding.
 
-Some effects only select a form of the rigid body's equations (`Effect.of_base`). For such a cause
-the first reason does not apply. The second one then applies only if the predictions of no axis
-improve, whether its inertia is plausible or not.
+Backlash need not meet the second condition, because predictions hardly show it. Some effects only
+select a form of the rigid body's equations (`Effect.of_base`). They need not meet the first
+condition. In the second condition, the RMSE may then be that of any axis.
 
 Causes are dropped one at a time: first those that coloured noise or an encoder error explains, then
 the one with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed again.
@@ -119,11 +121,13 @@ class AdoptionResult:
     def with_causes_of(self, other: AdoptionResult) -> AdoptionResult:
         """Return ``other``, but with the residual torques and the slow noise of ``self``.
 
-        The result lists the causes that ``other`` dropped. It also lists each cause that ``self``
-        dropped, unless one of these holds:
+        Slow noise is a torque that depends on time only. ``other`` is the result of a later search.
+        Its adopted causes and its fit remain unchanged. Its list ``dropped`` is extended by the
+        causes that ``self`` dropped, with these exceptions:
 
-        - ``other`` dropped this cause too.
-        - This cause was among the candidates when the search found an adopted cause of ``other``.
+        - ``other`` contains the cause in its own list ``dropped``.
+        - In a search step, the cause was a candidate, but the step chose one of the adopted causes
+          of ``other`` instead.
         """
         decided = {c.term.name for choice in other.choices for c in choice.candidates}
         decided |= {d.name for d in other.dropped}
@@ -293,7 +297,10 @@ def fitted(
 
 
 def with_profile_numbers(fit: CorrectedFit) -> np.ndarray:
-    """Return the scaled parameters (n,) of ``fit``, but the profile's trim torque and inertias."""
+    """Return the scaled parameters (n,) of ``fit``, with the profile's trim torque and inertias.
+
+    The parameters of effects keep their fitted values.
+    """
     theta = fit.optimum.theta.copy()
     body = [f.term is None for f in fit.free]
     theta[body] = fit.structure.scaled(fit.structure.start)[body]

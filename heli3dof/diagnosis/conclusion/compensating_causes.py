@@ -35,8 +35,11 @@ alone is not enough:
 
 Replaced causes are removed from the model. The other causes are fitted again, and each is adopted
 or dropped (`conclusion.adoption`). Then the search for residual torques is repeated, until no
-formula replaces a cause. At the end, `marked_unconfirmed` marks the remaining causes whose size or
-gain is not significant. The report adds "-like" to their names.
+formula replaces a cause.
+
+At the end, `marked_unconfirmed` marks two kinds of remaining causes as unconfirmed. The estimated
+size of the first kind is not significant. The second kind does not significantly increase the
+likelihood of held-out data. The report adds "-like" to the names of unconfirmed causes.
 """
 
 from __future__ import annotations
@@ -137,9 +140,11 @@ def _refitted_without(
 ) -> AdoptionResult:
     """Return ``now`` without the causes ``names``; the other causes are refitted and tested again.
 
-    The result lists ``names`` as dropped, with the gains that they had in ``now``. If ``names`` is
-    empty, the function only repeats the bias correction of the fit by simulated flights, and the
-    test of the causes. If this bias correction fails, the result is ``now`` unchanged.
+    The result lists ``names`` as dropped, with the gains that they had in ``now``.
+
+    If ``names`` is empty, the model keeps all causes. The function then only repeats two steps.
+    First, it simulates flights to correct the bias of the fit. Second, it tests all causes on
+    held-out data. If the first step fails, the function returns ``now`` unchanged.
     """
     fit = now.fit
     for name in names:

@@ -62,9 +62,14 @@ within the bounds of the effect ``encoder.scale`` and satisfies
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e_r
 
-If no finding is confounded with the scale error of an axis, the scale error is reported as not
-identifiable. Exception: a scale error ε of roll would cause the roll offset rest (1 − 1/(1 + ε)).
-If an offset of this size is detectable, the recordings can show the scale error.
+The recordings alone cannot prove a scale error, because other inertias give nearly the same
+readings. If a finding is confounded with the scale error of an axis, the report names the scale
+error with this finding. Otherwise it lists the scale error as not identifiable.
+
+Roll may be an exception, because a scale error of roll also shifts the level angle. If k = 1 + ε,
+the shift is rest (1 − 1/(1 + ε)). Suppose that the recordings would show an encoder offset of this
+size. Then they would also show the scale error, so the list of effects that are not identifiable
+omits it.
 """
 
 from __future__ import annotations
@@ -288,10 +293,10 @@ def undetectable_scales(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the encoder scale errors of the measured ``axes`` that the recordings cannot show.
 
-    Counts start at the rest angle ``rest_rad``, so a wrong roll scale also shifts the level angle.
-    ``detectable_offset_deg``: least detectable shift. ``tolerance``: relative scale error; roll is
-    omitted if its shift at this error is detectable. ``tied``: scale errors to omit, because they
-    are already reported.
+    Counts start at the rest angle ``rest_rad``, so a scale error of roll also shifts the level
+    angle. Roll is omitted if this shift would be detectable for a relative scale error of
+    ``tolerance``. ``detectable_offset_deg``: least detectable shift. ``tied``: scale errors to
+    omit, because they are already reported.
     """
     detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > detectable_offset_deg
     names = (f"{ENCODER_SCALE}.{axis}" for axis in axes if axis != "roll" or not detectable)
@@ -323,12 +328,14 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return ``off``; if it contains the thrust gain K_f, all parameters in it become confounded.
+    """Return ``off``; a wrong thrust gain K_f in it is marked as confounded with the inertias.
 
-    ``off``: the base parameters off nominal. K_f is then confounded with the inertias, and each
-    other parameter in ``off`` is confounded with K_f. The function is for recordings whose flights
-    cannot be simulated. Only the profile's nominal values then separate a wrong K_f from inertias
-    that are all wrong by the inverse factor (`greybox.thrust_scale`).
+    ``off``: the base parameters that differ from nominal. The function is for recordings whose
+    flights cannot be simulated. In them, a K_f that is wrong by the factor f looks like a correct
+    K_f with three inertias that are wrong by 1/f (`greybox.thrust_scale`). Only the profile's
+    nominal values distinguish these two cases. So the function adds the inertias to ``tied_with``
+    of K_f. It adds K_f to ``tied_with`` of all other parameters in ``off``. Without K_f in ``off``,
+    it changes nothing.
     """
     if not any(o.term.name == THRUST_GAIN for o in off):
         return tuple(off)

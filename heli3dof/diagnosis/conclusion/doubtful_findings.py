@@ -87,9 +87,10 @@ def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Findi
 
     The report adds "-like" to the name of an unconfirmed finding. These findings are doubtful:
 
-    - a periodic torque with a frequency of the commanded motion
-    - a change of mass at constant voltage, or found in several recordings
-    - any finding that single recordings do not confirm, if the controller is unknown
+    - a periodic torque whose frequency occurs in the commanded motion
+    - a change of mass that was fitted to several recordings at once
+    - a change of mass, if the motor voltages are constant in one of the recordings
+    - any finding that the fits to single recordings do not confirm, if the controller is unknown
     """
     recordings, unconfirmed = setup.recordings, set[str]()
     if not setup.controller_is_known:
@@ -271,9 +272,11 @@ def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
 
 
 def ranking_std(d: np.ndarray) -> float:
-    """Return the standard deviation s of 2 Σ d.
+    """Return s = 2 √(C var d), the standard deviation of 2 Σ d.
 
-    d (C,) are the differences of two causes' log-likelihoods in C segments of the flight.
+    The flight is divided into C segments. d (C,) contains for each segment the log-likelihood with
+    one cause minus that with another cause. So 2 Σ d is the difference in 2 ln L for the whole
+    flight. var d is the mean of (d − mean d)².
 
     >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
     4.0

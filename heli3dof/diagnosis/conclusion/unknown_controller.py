@@ -85,10 +85,14 @@ def confirmed(
     """Return the base ``parameters`` whose deviation from nominal improves held-out predictions.
 
     For each parameter, two models predict the held-out data. In the first (``fit``), all base
-    parameters have their fitted values. In the second, this parameter has the profile's value, and
-    the other parameters are refitted. To test the thrust gain, the second model has the profile's
-    trim torque and inertias. The deviation is confirmed if the first model has a smaller RMSE on an
-    axis, significantly and by more than encoder rounding. ``after``: results of the first model.
+    parameters have their fitted values. In the second, the tested parameter has the profile's
+    value, and the other parameters are refitted. The deviation is confirmed if the first model has
+    a smaller RMSE on an axis, significantly and by more than encoder rounding. ``after``: results
+    of the first model.
+
+    The thrust gain is an exception, because no fit estimates it: a wrong thrust gain changes the
+    fitted trim torque and inertias by one factor. To test the thrust gain, the second model has the
+    profile's trim torque and inertias. Only the other parameters are refitted.
     """
 
     def gained(p: OffNominal) -> Gain:

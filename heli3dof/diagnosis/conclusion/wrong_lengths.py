@@ -9,12 +9,15 @@ simulation with these lengths gives the same accelerations if its inertias are
 
     J = J' L/L'        with L_a/L_a' for roll and yaw, L_h/L_h' for pitch
 
-So a fit with wrong lengths gives these J. `wrong_lengths` compares them with the fit for each
-mistake that is usual. An example is a full distance instead of half of it. Then L = 2 L' and
-J_pitch' = J_pitch,nominal/4, so the fitted J_pitch is half the nominal one.
+So a fit with wrong lengths gives these J. `wrong_lengths` computes them for each usual mistake, and
+compares them with the fitted inertias. Example: the arm L_h' is half the distance between the
+motors, but the profile contains the full distance, L_h = 2 L_h'. The profile's inertia
+J_pitch,nominal is proportional to L_h². So the true inertia is J_pitch' = J_pitch,nominal/4. The
+fitted one is J_pitch = 2 J_pitch', half of J_pitch,nominal.
 
-The torques on the axes then have different wrong scales. So the inertia couplings between the axes
-are wrong, which looks like an unmodelled torque.
+The fitted inertias compensate for the wrong lengths on each axis separately, with another factor on
+pitch than on roll and yaw. So the terms of the simulation that couple the axes are wrong. The error
+of these terms looks like an unmodelled torque.
 """
 
 from __future__ import annotations
@@ -59,7 +62,11 @@ def is_far(m: Measured) -> bool:
 
 
 def _mistakes(profile: Profile) -> Iterator[dict[str, float]]:
-    """Yield the true lengths for each usual mistake: half or double a length, or two exchanged."""
+    """Yield for each usual mistake in the profile's lengths the true lengths {name: m}.
+
+    A usual mistake is a length that has half or twice its true value in the profile. Another one is
+    that the profile has two lengths exchanged. Lengths that are correct in the profile are omitted.
+    """
     L = profile.geometry.model_dump()
     for name, value in L.items():
         yield {name: value / 2}

@@ -18,8 +18,9 @@ is below dᵀ C⁻¹ d. A term is a cause if all of these hold:
   known beforehand need not be significant.
 
 All other terms stay in the model with their priors. The rig may have such an effect although the
-recordings do not show it. A model with the effect, at a size that its prior considers likely,
-predicts new motion better than a model without it.
+recordings do not show it. If the rig has the effect, a model with the effect predicts new motion
+better than a model without it. For this, the effect's size in the model must be one that the prior
+considers likely.
 
 **Trim torque.** A multi-step fit estimates the trim torque T_g and, for each recording, an
 additional torque τ_i (`mass.imbalance`). The recordings determine T_g + τ̄, where τ̄ is the mean of
@@ -110,7 +111,8 @@ def confidence(result: Elimination, r: TermResult) -> float:
     """Return the probability that the term's size has the estimated sign.
 
     It is at most the share of bootstrap draws in which a fit without the term predicts held-out
-    data worse. This limit does not apply to a term known beforehand.
+    data worse. This limit does not apply if the prior alone shows that the term exists
+    (`elimination.known_beforehand`).
     """
     sign = (1 + probability_nonzero(result.fit, r.term)) / 2
     known = r.term in known_beforehand(result.fit.problem)

@@ -213,10 +213,11 @@ def _without_each(
     result: Elimination, causes: Sequence[TermResult], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
-    """Return {cause: (prediction errors without it, prediction errors with it)} of the model.
+    """Return for each cause the prediction errors of two models: (without the cause, with it).
 
-    The models predict the recordings ``held``. If there are none, they predict the test blocks of
-    the cross-validation. Without cross-validation, they predict the fitted recordings ``whole``.
+    The model without the cause is a refit. Both models predict the recordings ``held``. If ``held``
+    is empty, they predict the test blocks of the cross-validation. If there was no cross-validation
+    either, they predict the recordings ``whole``, to which they were fitted.
     """
 
     if held or not result.halves:

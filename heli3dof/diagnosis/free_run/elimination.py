@@ -116,7 +116,8 @@ class Elimination:
     fit: MultiStepFit
     """The fit with every term"""
     needed: tuple[TermResult, ...]
-    """Terms that are needed or known beforehand, by falling Δ"""
+    """Terms that held-out data need, or that the prior alone shows to exist, by falling Δ"""
+
     removed: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
     first: FitWithFolds
@@ -230,7 +231,12 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms whose prior mean is more than `SIGMAS_997` prior σ away from no effect."""
+    """Return the terms that the prior alone shows to exist, before any recording is used.
+
+    Such a term has a parameter whose prior mean is far from its null value, at which the term has
+    no effect. The distance is more than `SIGMAS_997` standard deviations of the prior. Parameters
+    on a logarithmic scale, or with a separate value for each recording, are ignored.
+    """
     u = (problem.start - without_effects(problem)) * np.sqrt(np.diag(problem.prior))
     return {
         f.term

@@ -99,7 +99,10 @@ def warm_fit(
 
 
 def least_squares(full: MultiStepFit, p: MultiStep) -> LeastSquares:
-    """Return the least-squares problem of ``p`` with the noise and error scales of the fit."""
+    """Return the least-squares problem of ``p``, with noise and error scales of the fit ``full``.
+
+    Error scales are the RMS errors by which the residuals are divided.
+    """
     return least_squares_problem(p, full.noise, STAGE_S, full.scale)
 
 

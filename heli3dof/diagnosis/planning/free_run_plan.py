@@ -1,4 +1,4 @@
-"""Recommend the plan that in least time decides about the parameters that a free-run fit left open.
+"""Recommend the plan that tests the open parameters of a free-run fit in the shortest time.
 
 A free-run fit minimises the errors of multi-step predictions
 (`heli3dof.identification.greybox.multistep`). A parameter θ of an effect is open if the fit does
@@ -18,9 +18,10 @@ for b,
 
     D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag [(H_now + A − B C⁻¹ Bᵀ)⁻¹]
 
-**Ranking.** The new flight alone has the information 1/σ_after² − 1/σ_now² on an open parameter θ.
-The old recordings do not count, because they did not confirm θ. With this information, θ − θ_0 is
-expected to be u standard deviations, and is significant with the probability P:
+**Ranking.** The old recordings did not show that θ differs from θ_0, so the new flight alone must
+show it. Without the old recordings' information 1/σ_now², the information on θ after the flight is
+1/σ_after² − 1/σ_now². θ is assumed to have the value that the fit estimates. Then θ − θ_0 is
+expected to be u standard deviations. It is significant with the probability P:
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE_975`)
 
@@ -64,7 +65,7 @@ from heli3dof.parallel import parallel_map
 class OpenParameter:
     """A parameter of an effect; the planned flight should show whether the rig has the effect.
 
-    It is the effect's first parameter with one value for all recordings and without a logarithmic
+    It is the effect's first parameter that has the same value in all recordings and no logarithmic
     scale.
     """
 
@@ -94,9 +95,10 @@ class OpenParameter:
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
     """Return one parameter for each undecided term, at most `MAX_COMPARED` parameters.
 
-    A term is undecided if the recordings do not show whether the rig has its effect. The function
-    selects the first parameter of the term that has one value for all recordings and no logarithmic
-    scale. Terms without such a parameter are omitted.
+    A term is an effect on one axis. It is undecided if the recordings do not show whether the rig
+    has this effect. A parameter is suitable if it has the same value in all recordings and no
+    logarithmic scale. The function returns the first suitable parameter of each undecided term. It
+    omits terms without a suitable parameter.
     """
     fit, out = open_.fit, []
     for name in open_.names:
@@ -113,11 +115,17 @@ def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
 def next_free_flight(
     open_: UndecidedTerms, model: GreyBoxModel, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
-    """Return the recommended plan; None if no parameter is open or no plan is feasible.
+    """Return the plan that shows in the shortest time whether the rig has the undecided effects.
 
-    ``open_``: terms of which a fit does not show whether the rig has them. ``model``: the fitted
-    model, on which the plans are simulated. ``plans``: names of the plans to compare; by default
-    all.
+    ``open_``: the undecided effects, and the fit that does not show whether the rig has them.
+    ``model``: the fitted model, on which the plans are simulated. ``plans``: names of the plans to
+    compare; by default all.
+
+    The result is None in three cases:
+
+    - No undecided effect has a parameter that a flight can test (`open_parameters`).
+    - The default controller does not stabilise the model.
+    - No plan is feasible.
     """
     parameters = open_parameters(open_)
     if not parameters or not is_stable(model):

@@ -1,30 +1,41 @@
 """Recommend the plan that separates confounded causes in the shortest time.
 
-Causes are confounded if they explain the recordings almost equally well. A plan separates them if
-a diagnosis of its flight shows which cause the rig has. To predict this, `FLIGHTS` flights of each
-plan are simulated for each cause i: in closed loop with noise and encoders, on the model with cause
-i as fitted to the recordings. A cause without a fit has a typical size, in the base model.
+Causes are confounded if they explain the recordings almost equally well. A plan separates them if a
+diagnosis of its flight shows which cause the rig has. To predict this, `FLIGHTS` flights of each
+plan are simulated for each cause i. The simulation is in closed loop, with noise and encoder
+rounding. Its model is the fit to the recordings with cause i. If cause i was not fitted, the model
+is the base model plus a typical size of the cause.
 
-Each simulated flight is fitted as in a diagnosis (`search.candidate_fits`), but only with the base
-model (0) and with the base model plus each cause k. ℓ_0 and ℓ_k are the maxima of the
-log-likelihood, m_k is the number of parameters of cause k, and N the number of filter updates:
+Each simulated flight is fitted as in a diagnosis (`search.candidate_fits`), but with fewer models:
+the base model (0), and the base model plus cause k, for each k. ℓ_0 and ℓ_k are the maxima of the
+log-likelihood, m_k is the number of parameters of cause k, and N the number of filter updates. The
+score S_k is the gain in BIC if cause k is added to the base model. The margin M_i compares the true
+cause i with the best other one:
 
     S_0 = 0,      S_k = 2 (ℓ_k − ℓ_0) − m_k ln N,      M_i = S_i − max_{k≠i} S_k
 
-The margin M_i and the score S_i are means over the flights with cause i. The diagnosis accepts
-differences below `select.least_difference` as chance, so the flight decides if M_i exceeds
-D = max(`TIE`, `FORMULA_ERROR` S_i). A cause in addition to others needs D = `SUFFICIENT` instead,
-if that is larger. The margin of the plan is the smallest M_i. Plans are ranked by
+M_i and S_i are averaged over the simulated flights with cause i. A diagnosis ignores small
+differences of scores, because chance or an inexact formula may cause them
+(`select.least_difference`). So a flight is decisive, that is, it identifies cause i, if
+
+    M_i > D,      D = max(`TIE`, `FORMULA_ERROR` S_i)
+
+If the plan tests whether the rig has a further cause, in addition to those already found, D is at
+least `SUFFICIENT`. The margin of the plan is the smallest M_i. Plans are ranked by
 
     min_i (M_i − `FORMULA_ERROR` S_i)/duration
 
-For two causes of known sizes, the margin of one flight is normal with the mean M_i and the variance
-4 M_i. The mean of B = `FLIGHTS` flights has the variance 4 M_i/B. So n flights of the plan decide
-with the probability P_i(n), where D is that of the score n S_i:
+**Probability of a decision.** For two causes of known sizes, the margin of one flight is normally
+distributed. Its mean is M_i, and its variance is 4 M_i. The mean of B = `FLIGHTS` simulated flights
+estimates M_i with the variance 4 M_i/B. The margins of n real flights are added. Their sum has the
+mean n M_i. Its variance consists of 4 n M_i by the scatter of the flights and 4 n² M_i/B by the
+error of the estimate. D is computed with n S_i in place of S_i. So n flights are decisive with the
+probability
 
     P_i(n) = Φ((n M_i − D) / (2 √(n M_i + n² M_i/B))),      0 if M_i ≤ 0
 
-The certainty of the plan is the smallest P_i(1). It holds whichever of the causes the rig has.
+The certainty of the plan is the smallest P_i(1) of all causes i. Whichever of the causes the rig
+has, one flight is decisive with at least this probability.
 """
 
 from __future__ import annotations
@@ -82,7 +93,7 @@ FLIGHTS = 2
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A model with one cause, or without: its likelihood, its parameters and its noise."""
+    """A model with one cause or with none: its likelihood, its parameters and its noise."""
 
     problem: Likelihood
     theta: np.ndarray
@@ -106,7 +117,12 @@ class Hypothesis:
 
 
 def hypothesis(base: Estimate, cause: Probe | CandidateFit) -> Hypothesis:
-    """Return the model with a cause: the fit of the cause, or ``base`` with its trial values."""
+    """Return the model with a cause added to ``base``.
+
+    If ``cause`` is a `CandidateFit`, the result is the model that this refit estimated. If
+    ``cause`` is a `Probe` (a term with trial values), the term is added to ``base`` with these
+    values.
+    """
     o = base.optimum
     if isinstance(cause, CandidateFit):
         o = cause.optimum
@@ -160,10 +176,15 @@ def recommend(
 ) -> NextExperiment:
     """Return the plan that separates the ``causes`` in the shortest time.
 
-    ``base``: a fit without these causes. Each cause is a fit that adds it to this model, or trial
-    values of its parameters. ``plans``: names of the plans to compare; by default all.
-    ``decisive``: least margin that decides. Raises UsageError if no plan stays inside the safety
-    envelope on all models, or if the controller does not stabilise one of them.
+    ``base``: a fit without these causes. ``causes``: each element is a refit of ``base`` with one
+    cause added, or trial values of the cause's parameters. ``plans``: names of the plans to
+    compare; by default all.
+
+    ``decisive``: a flight identifies the true cause if its score exceeds the best other score by at
+    least ``decisive``. The score of a cause is its gain in BIC.
+
+    Raises UsageError if no plan stays inside the safety envelope on all models, or if the
+    controller does not stabilise one of the models.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
@@ -247,9 +268,11 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
 
 
 def _if_certain(recommended: NextExperiment, known: str) -> NextExperiment | None:
-    """Return the recommendation, with ``known`` added to its reason; None if too uncertain.
+    """Return the recommendation with ``known`` added to its reason, or None.
 
-    ``known`` is a clause on the cause: what the recordings show of it.
+    The result is None if a flight of the recommended plan decides with a probability below
+    `MIN_CERTAINTY`. ``known``: a clause that states what the recordings already show about the
+    cause that the flight tests.
     """
     if (recommended.certainty or 0.0) < MIN_CERTAINTY:
         return None
@@ -277,7 +300,11 @@ def _why(best: PlanForecast, names: Sequence[str], decisive: float = TIE) -> str
 
 
 def _certainty(f: PlanForecast, decisive: float, flights: int = 1) -> float:
-    """Return the least probability over the causes that some flights of a plan decide."""
+    """Return the probability that ``flights`` flights of a plan identify the true cause.
+
+    The probability depends on which cause is true. The function returns the smallest one.
+    ``decisive``: as in `recommend`.
+    """
     pairs = zip(f.margins, f.scores, strict=True)
     return min(_probability_decided(m, score, flights, decisive) for m, score in pairs)
 
@@ -285,10 +312,15 @@ def _certainty(f: PlanForecast, decisive: float, flights: int = 1) -> float:
 def _probability_decided(
     margin: float, score: float, flights: int = 1, decisive: float = TIE
 ) -> float:
-    """Return P(n), the probability that n flights decide between causes (see the module).
+    """Return P(n), the probability that n ``flights`` of a plan identify the true cause.
 
-    ``margin`` and ``score``: expected values M and S for one flight with the true cause. They are
-    means of `FLIGHTS` simulated flights. ``decisive``: least margin that decides.
+    The score of a cause is its gain in BIC, added over the n flights. The flights identify the true
+    cause if its score exceeds the best other score by D (equation: see the module). D is the
+    largest of ``decisive``, `TIE` and 3 % of the true cause's score (`FORMULA_ERROR`).
+
+    ``score``: expected score S of the true cause in one flight. ``margin``: expected value M of S
+    minus the best other score in one flight. M is estimated from only `FLIGHTS` simulated flights.
+    The error of this estimate limits P(n), even if n is large.
 
     >>> p = _probability_decided
     >>> p(6.0, 50.0), round(p(30.0, 50.0), 3), p(-1.0, 50.0)
@@ -304,7 +336,11 @@ def _probability_decided(
 
 
 def _beyond_formula_error(f: PlanForecast) -> float:
-    """Return the smallest margin of a plan beyond what inexact formulas of effects may cause."""
+    """Return the smallest value of M − `FORMULA_ERROR` · S over the causes: a plan's safe margin.
+
+    S is the expected score of a cause (gain in BIC) if this cause is the true one. M is S minus the
+    best other score. Inexact formulas of effects may change the scores by `FORMULA_ERROR` · S.
+    """
     return min(m - FORMULA_ERROR * s for m, s in zip(f.margins, f.scores, strict=True))
 
 
@@ -315,8 +351,9 @@ def _forecasts(
     """Return, for each feasible plan, how well it is expected to separate the causes.
 
     ``without``: the base model, without the causes. ``with_cause``: one model for each cause.
-    ``decisive``: least margin that decides. A plan is feasible if its simulated flights stay inside
-    the safety envelope on each model.
+    ``decisive``: a flight identifies the true cause if its score exceeds the best other score by at
+    least ``decisive``. The score of a cause is its gain in BIC. A plan is feasible if its simulated
+    flights stay inside the safety envelope on each model.
     """
     models = [without.model, *(h.model for h in with_cause)]
     numbers = [(0, 0), *((i + 1, b) for i in range(len(with_cause)) for b in range(FLIGHTS))]
@@ -345,10 +382,11 @@ def _forecasts(
 
 
 def _scores(data: Data, without: Hypothesis, with_cause: Sequence[Hypothesis]) -> np.ndarray | None:
-    """Return the scores S (K + 1,) of K causes, and 0 for the model without, for a flight.
+    """Return the scores (K + 1,) of K causes and of the base model; None if a fit diverges.
 
-    ``data``: the simulated flight. ``without``: the model without a cause. The result is None if a
-    fit diverges.
+    The simulated flight ``data`` is fitted with the base model (``without``), and with the base
+    model plus each cause. The score of a cause is its gain in BIC over the base model. The last
+    score is that of the base model itself, which is 0.
     """
     base = without.fit(data)
     out = []

@@ -162,12 +162,15 @@ def with_term_at(
 def fit_candidates(
     s: Screening, ranked: Sequence[tuple[Term, float, int]], tried: Sequence[GridTrial] = ()
 ) -> list[CandidateFit]:
-    """Refit the model with each ``ranked`` and each ``tried`` term; return the best score first.
+    """Refit the model with each ``ranked`` and each ``tried`` term; return the refits by score.
 
-    ``ranked``: entries of `Screening.ranked`. ``tried``: terms that the score test cannot detect,
-    evaluated at trial values instead; they are fitted first. `MAX_SCORE_PER_Z2` · Z² is the largest
-    score to expect of a ranked term. If it does not exceed the best score of the tried terms, the
-    ranked term is not fitted. Fits that diverge or end at a bound are omitted.
+    The refit with the highest score is first. ``ranked``: entries of `Screening.ranked`, which
+    contain a term and its Z², the statistic of its score test. ``tried``: terms that the score test
+    cannot detect. They were evaluated at trial values instead, and are refitted first.
+
+    The refit with a ranked term is expected to have a score of at most `MAX_SCORE_PER_Z2` · Z². If
+    this limit does not exceed the best score of the tried terms, the function skips the ranked
+    term. Refits that diverge, or in which a parameter of the term ends at a bound, are omitted.
     """
     if not ranked and not tried:
         return []
@@ -180,8 +183,9 @@ def fit_candidates(
     def scored(term: Term, fit: Optimum, shifts: int = 0) -> float | None:
         """Return the score of ``fit``, which contains ``term``.
 
-        The score is None if the fit diverged or ended at a bound. ``shifts``: number of time shifts
-        of recordings that count as parameters.
+        The score is None if the fit diverged, or if a parameter of the term ended at a bound.
+        Estimated time shifts of recordings may give a periodic torque the same phase in all of
+        them. ``shifts``: number of these time shifts; each counts as one parameter in the score.
         """
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None

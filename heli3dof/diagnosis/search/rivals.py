@@ -1,14 +1,18 @@
 """Compare causes by flights simulated from each: Cox's test of separate hypotheses (1961).
 
-Usually the BIC scores of the candidates decide which one is the cause (`search.select`). They
-require that a linear correction removes the bias of the score test
-(`bias_correction.corrected_maximum`). On an encoder limit cycle, the bias is too large for this
-correction. The bias of a candidate is z̄, the mean of its score z over null simulations, which
-contain no effect (`search.nulls`). κ is the variance inflation of the scores in these simulations.
-If |z̄|/√κ > `SIGMAS_997` for one of the candidates to compare (rivals), this test decides instead.
-It also decides if rivals are confounded only because of ε, the error of the bias correction
-(`search.select`): the test does not use this correction. Few null simulations estimate z̄ roughly.
-So without this rule, their random seed might decide between a named cause and an ambiguous one.
+Usually the BIC scores of the candidates decide which one is the cause (`search.select`). The scores
+rely on a linear correction for the bias of the score test (`bias_correction.corrected_maximum`).
+This bias is z̄, the mean of a candidate's score z over null simulations, which contain no effect
+(`search.nulls`). κ is the variance inflation of the scores in these simulations. Cox's test does
+not use the linear correction. It replaces the BIC scores in two cases. "Rivals" are the candidates
+to compare:
+
+1. The bias is too large for a linear correction: |z̄|/√κ > `SIGMAS_997` for one of the rivals. An
+   encoder limit cycle causes such a bias.
+2. Rivals are confounded only because of ε, the uncertainty of the linear correction
+   (`search.select`). The number of null simulations is small, so z̄ and ε depend on their random
+   seed. If the BIC scores decided this case, the seed might determine whether rivals are reported
+   as confounded.
 
 Each rival is fitted (`bias_correction.correction`), and B flights are simulated from each fit. For
 the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their log-likelihoods for the recordings.
@@ -58,16 +62,19 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that simulated flights must compare, the chosen cause first.
+    """Return the candidates to compare by simulated flights, the chosen cause first.
 
-    Usually the scores of the candidates decide which one is the cause. This is unreliable in two
-    cases: the score test is strongly biased for one of them (`relative_bias` above `SIGMAS_997`),
-    or candidates are confounded only within the error of the bias correction. Then the result
-    contains the chosen cause, and up to `MAX_COMPARED` − 1 others with a large Z². Otherwise the
-    result is empty.
+    The result is empty if no comparison is needed: usually the candidates' BIC scores decide which
+    one is the cause. The scores are unreliable in two cases:
 
-    A candidate without a score test (encoder backlash) is left out. If the chosen cause has no
-    score test, the result is empty.
+    - The score test is strongly biased for one of the candidates: `relative_bias` exceeds
+      `SIGMAS_997`.
+    - Candidates are confounded only because the correction of this bias is uncertain.
+
+    In these cases, the result contains the chosen cause and at most `MAX_COMPARED` − 1 others. The
+    others are those with the largest Z², the statistic of the score test. A candidate without a
+    score test (encoder backlash) is omitted. If the chosen cause has no score test, the result is
+    empty.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]

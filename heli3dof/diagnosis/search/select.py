@@ -15,9 +15,10 @@ Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
   the share ρ² of S. So the expected value of S − S′ is (1 − ρ²) S. If S − S′ is larger, the excess
   is due to chance or to an inexact formula of an effect. The excess is no evidence against the
   second candidate, so the criterion uses the smaller of the two numbers.
-- ε is the error of the bias correction, in standard deviations. z̄ is the mean of a candidate's
-  score z over B null simulations, which contain no further effect (`search.nulls`). The larger |z̄|
-  of the two candidates counts. κ is the variance inflation of z in these simulations.
+- ε is the uncertainty of the bias correction, in standard deviations. z̄ is the mean of a
+  candidate's score z over B null simulations, which contain no further effect (`search.nulls`). The
+  larger |z̄| of the two candidates counts. `DRIFT` is the assumed relative error of z̄. κ is the
+  variance inflation of z in these simulations.
 - ρ and ε count as 0 if one of the candidates has no score test, or has a score test that is a
   maximum over all frequencies or start times.
 
@@ -30,9 +31,9 @@ Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
    not qualify: their scores may be bias. They are reported as confounded with the chosen one.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs a
    score of at least min(`MIN_FURTHER_SCORE` · largest earlier score, `SUFFICIENT`). An inertia off
-   nominal counts as an earlier cause: the position of the additional mass is unknown, so its
-   formula is inexact, too. ``formal`` effects, which only change the form of the rigid body's
-   equations, are exempt from this rule.
+   nominal counts as an earlier cause. It often comes from an additional mass on the rig. The
+   position of this mass is unknown, so the formula of the inertia is inexact, too. ``formal``
+   effects, which only change the form of the rigid body's equations, are exempt from this rule.
 """
 
 from __future__ import annotations
@@ -179,7 +180,8 @@ def are_confounded(
 ) -> bool:
     """Return whether the recordings cannot distinguish two candidates (see the module).
 
-    ``best`` is the candidate with the higher score. Without ``bias_error``, ε counts as 0.
+    ``best``: the candidate with the higher score. The function allows for the uncertainty ε of the
+    bias correction. If ``bias_error`` is False, it sets ε = 0.
     """
     difference, score = best.score - other.score, max(best.score, 0.0)
     margin = least_difference(score)

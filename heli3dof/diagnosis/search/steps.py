@@ -184,10 +184,11 @@ def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> Corre
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return whether the candidate ``other`` is ``formal`` and significant.
+    """Return whether ``other`` is a ``formal`` candidate, and significant.
 
-    ``formal`` candidates only change the form of the rigid body's equations. To be significant, the
-    Z² and the score of ``other`` must both reach the threshold of Z² in ``choice``.
+    ``formal`` candidates only change the form of the rigid body's equations. ``other`` is
+    significant if two numbers reach ``choice.threshold``. The first is Z², the statistic of the
+    score test. The second is the score, the gain in BIC by a refit with ``other``.
     """
     return other.term.effect.formal and min(other.statistic, other.score) >= choice.threshold
 

@@ -1,14 +1,16 @@
 """Estimate a residual torque (a torque that the fitted model lacks) over time.
 
-The filter's process noise is white angular acceleration of intensity a² ((rad/s²)²/Hz). Bryson and
-Frazier's smoother estimates this acceleration d and the residual torque τ in row k:
+The angles of roll, pitch and yaw are q (rad). The filter's process noise is a white angular
+acceleration of intensity a² ((rad/s²)²/Hz). Bryson and Frazier's smoother estimates this
+acceleration d and the residual torque τ at sample k:
 
-    d̂_k = a²/h ∂ ln L/∂q̈_k  (rad/s²),        τ̂_k = B_k⁻¹ d̂_k  (N·m),   B = M(q)⁻¹
+    d̂_k = a²/h ∂ ln L/∂q̈_k  (rad/s²),        τ̂_k = M(q_k) d̂_k  (N·m)
 
-h (s) is the time to the next row, L the likelihood, M (kg·m²) the mass matrix. τ̂ is accurate below
-the filter's bandwidth (a few Hz) and attenuated above it.
+h (s) is the time to the next sample, L the likelihood, M (kg·m²) the mass matrix. τ̂ is accurate
+below the filter's bandwidth (a few Hz) and attenuated above it.
 
-**Hat functions.** A torque that is a piecewise linear function of a variable z of `UNITS` is
+**Hat functions.** z is one of the variables in `UNITS`: an angle, a rate, a voltage or its
+derivative, a product of these, or the time. A torque that is a piecewise linear function of z is
 
     f(z) = Σ_j τ_j φ_j(z)  (N·m),      φ_j falls linearly from 1 at knot j to 0 at its neighbours
 

@@ -243,8 +243,9 @@ def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def curve_statistic(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
     """Return (S, r): score-test statistic and rank of a piecewise linear torque of ``variable``.
 
-    r is the rank of the information matrix of the torque's coefficients. S is 0 if the variable's
-    range is below `MIN_RANGE` of its unit, or if the flight has no information on the torque.
+    r is the rank of the information matrix of the torque's coefficients. S is 0 if the flight has
+    no information on the torque. S is also 0 if the variable changes too little in the flight. The
+    table `MIN_RANGE` gives the least range of a variable for each unit.
     """
     flight = x.flight
     library = hats(flight, np.array([axis]))

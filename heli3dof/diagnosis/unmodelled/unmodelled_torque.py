@@ -129,7 +129,7 @@ class ResidualTorque:
 
     @property
     def is_slow_noise(self) -> bool:
-        """Return whether the torque depends on time only, such as a draught's."""
+        """Return True if the torque depends on time only, as the torque of a draught does."""
         return self.depends_on == "time"
 
     @property
@@ -319,10 +319,13 @@ def score_tests(
     """Return the score tests of all groups; a group is the hat functions of a variable on an axis.
 
     ``sums``: scores and information of the recorded flight (`hat_scores`). ``null``: scores in
-    flights simulated without residual torque. They calibrate the test: the threshold, and the
-    factor κ by which noise scales the test statistic S, are computed from them. If ``null`` is
-    None, κ is computed from blocks of the recorded flight. The threshold is then twice the
-    Bonferroni threshold, because the bias of the scores is unknown.
+    flights simulated without residual torque. The function calibrates the test with them: it
+    computes the threshold and a factor κ. In theory, the test statistic S without residual torque
+    has a χ² distribution. κ (at least 1) is the factor by which the mean of S in the simulated
+    flights exceeds the mean of this distribution.
+
+    If ``null`` is None, κ is computed from blocks of the recorded flight. The threshold is then
+    twice the Bonferroni threshold, because the bias of the scores is unknown.
     """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)

@@ -133,7 +133,8 @@ def _worst(
 ) -> tuple[WorstInterval, ...]:
     """Return for each axis the time interval of `WORST_S` with the largest prediction error.
 
-    ``errors`` (S, 3): errors in rad of predictions over `HORIZON_S` from the S rows `starts_of`.
+    ``errors`` (S, 3): errors in rad of S predictions over `HORIZON_S`. The predictions start at the
+    S rows of ``data`` that `starts_of` returns.
     """
     starts, each = starts_of(data), list[WorstInterval]()
     for run, (_, start, stop) in zip(data.runs, data.blocks, strict=True):
