@@ -119,14 +119,14 @@ class RecordingReport:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings, with ranges of usable rows for training, and others held out for validation."""
+    """Recordings, and ranges of usable rows in them: ``train`` to fit, ``held_out`` to validate."""
 
     recordings: tuple[Recording, ...]
     train: tuple[RowRange, ...]
     held_out: tuple[RowRange, ...]
     reports: tuple[RecordingReport, ...]
     dt: float
-    """s: the control period of all recordings"""
+    """s: the sample interval of all recordings"""
     split: str
     """A sentence for the report on how the held-out data were chosen"""
 
@@ -148,7 +148,7 @@ def checked_timing(recording: Recording) -> Timing:
 
 
 def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = ()) -> Prepared:
-    """Return the recordings, with ranges of usable rows for the fit and others for validation.
+    """Return the recordings and two lists of usable row ranges: for the fit and for validation.
 
     The function also checks the time stamps of the recordings.
 

@@ -1,28 +1,31 @@
 """Select the rows of a flight to which a linear model can be fitted; give a reason for the others.
 
 A linear model about hover does not describe the rig on its table, at a stop, in take-off, or in
-free fall. Such rows are left out, for one of these reasons:
+free fall. Roll is the elevation angle of the arm. It is negative on the table and zero when the arm
+is level. Rows are left out for one of these reasons:
 
 ``unread``        a NaN in a voltage or an angle
 ``table``         roll at most 1° above its angle on the table, for 0.1 s or more
-``take_off``      from lift-off until all three hold: roll is above half-way to level, the voltages
-                  have been off their limit for 0.25 s, and 3 s have passed
+``take_off``      from lift-off until all three hold: roll is above half of its angle on the table,
+                  the voltages have been off their limit for 0.25 s, and 3 s have passed
 ``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), at
                   rest there for 0.3 s or after an impact; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
-``falling``       the rows after roll was last above half-way to level, at the end of a flight
+``falling``       at the end of a flight: the rows after the last one in which roll is above half of
+                  its angle on the table
 ``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)
 
-An arm that hits a stop must be distinguished from an arm that only reverses. Let q be the width of
-an encoder count. An arm that arrives at the rate v, and reverses within a count with the constant
-acceleration a, stays on this count for T = 2 √(2q/a). With v = √(2qa), v T = 4q. An arm at a stop
-stays longer,
+A test distinguishes an arm that hits a stop from an arm that only reverses. Let q be the width of
+an encoder count. The arm arrives at the rate v and stays on one count for the time T. If it
+reverses within this count with the constant acceleration a, then v = √(2qa) and T = 2 √(2q/a), so
+v T = 4q. An arm at a stop stays longer:
 
     v T > `HIT` q
 
-This test misses impacts in which the arm leaves the stop sooner. They also harm a fit, because the
-Kalman filter's model has no stops, so the filter treats an impact as process noise. So if the test
-finds a row at a stop, all rows of the flight with the same count of this encoder are left out.
+The test misses an impact if the arm leaves the stop sooner. A missed impact also harms a fit: the
+Kalman filter's model has no stops, so the filter treats the impact as process noise. But a stop has
+a fixed angle. So if the test finds a row at a stop, all rows of the flight in which this encoder
+has the same count are left out.
 
 Rows in flight with a voltage at its limit are kept, because the recorded voltage is that at the
 motor. Their share is reported.
@@ -127,7 +130,7 @@ def _until_roll_rises(motors_off: np.ndarray, roll: np.ndarray) -> np.ndarray:
     """Return (N,) bool: the rows with ``motors_off``, and those after them until ``roll`` rises.
 
     ``motors_off`` (N,) bool marks the rows in which both motor voltages are zero. When the motors
-    start again, the arm falls on for some time.
+    start again, the arm still moves down for some time.
     """
     out = motors_off.copy()
     for end in np.flatnonzero(motors_off[:-1] & ~motors_off[1:]) + 1:

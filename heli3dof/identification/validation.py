@@ -51,9 +51,11 @@ NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
 
 @dataclass(frozen=True, eq=False)
 class Metrics:
-    """Scores on held-out data: of predictions, and of the closed-loop replay.
+    """Scores of a model on held-out data: for predictions, and for a closed-loop simulation.
 
-    ``prediction`` is {horizon in s: score}; the horizon 0.0 means one sample ahead.
+    ``prediction`` is {horizon in s: score}; the horizon 0.0 means one sample ahead. ``replay`` is
+    the score of the simulation, in which the model follows the recorded references under the same
+    controller.
     """
 
     prediction: dict[float, Score]
@@ -150,8 +152,9 @@ def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
 def replay_obstacle(prepared: Prepared, sources: Sequence[int], model: Model) -> str:
     """Return why ``model`` cannot replay the recordings with indices ``sources``, or ``""``.
 
-    The replay has the controller's period, also if the log has another. A linear model has one
-    sampling interval only.
+    The replay is a closed-loop simulation with the period of the controller. The log's sample
+    interval may differ from this period. A linear model is valid for one sample interval only. So
+    it cannot replay a recording whose controller has another period.
     """
     for i in sources:
         r = prepared.recordings[i]

@@ -34,9 +34,9 @@ class Reproduced:
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry of this number of the paper in the output of ``compare --json``.
+        """Return a dict of the paper's number and the simulated one, for ``compare --json``.
 
-        ``ours_deg`` is None in the entry if there is no simulated number (NaN).
+        ``ours_deg`` is the simulated number, or None if there is none (NaN).
         """
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}

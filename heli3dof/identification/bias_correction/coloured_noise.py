@@ -60,9 +60,10 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return ν = 3 m/(2 (L + 1)), the degrees of freedom of `long_run`.
+    """Return ν = 3 m/(2 (L + 1)), the degrees of freedom of a Newey–West covariance (`long_run`).
 
-    m is the number of ``blocks``, L = ``memory`` the largest lag.
+    The covariance is estimated from m = ``blocks`` scores (gradients of the log-likelihood), one
+    for each block of data. It includes autocovariances up to the lag L = ``memory`` (in blocks).
     """
     return 1.5 * blocks / (memory + 1)
 

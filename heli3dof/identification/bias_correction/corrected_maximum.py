@@ -36,7 +36,11 @@ CHECKED_GAIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ScoreBias:
-    """The log-likelihood's mean derivatives over simulated flights, and the flights' parameters."""
+    """Mean derivatives of the log-likelihood over simulated flights.
+
+    They are evaluated at the parameters ``theta_0`` and the noise ``noise_0`` with which the
+    flights were simulated. For an exact likelihood, their expectation would be zero.
+    """
 
     by_theta: np.ndarray
     """(n,) mean derivatives with respect to the n parameters: ḡ for θ, then b for φ"""

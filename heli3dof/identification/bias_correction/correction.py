@@ -13,8 +13,9 @@ H_r and the flights' mean information. θ_0 and Λ are the prior's mean and info
     cov θ = (H_r + Λ)⁻¹ ((1 + 1/B) C + Λ) (H_r + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
 In the same way, s̄ = mean s_b corrects s, the log-likelihood's derivatives with respect to the
-logarithms of the three noise intensities. Coloured noise multiplies element ij of cov θ by
-√(ρ_i ρ_j) (`bias_correction.coloured_noise`).
+logarithms of the three noise intensities. Noise that is correlated over time (coloured) increases
+the variance of parameter i by a factor ρ_i (`bias_correction.coloured_noise`). So element ij of
+cov θ is multiplied by √(ρ_i ρ_j).
 Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 

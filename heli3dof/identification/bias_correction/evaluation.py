@@ -34,18 +34,18 @@ from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 
 SCANNED = {"mass.change.time_s": 5e-3}
-"""Parameters that no search changes, because the likelihood has many local maxima; a scan over a
-grid of values sets them instead. Each with the step of its finite difference, in place of
-`DIFFERENCE`. Steps are in the scaled parameter; 5e-3 is 0.05 s. Chosen."""
+"""Parameter → step of its finite difference, in the scaled parameter (5e-3 is 0.05 s), in place of
+`DIFFERENCE`. Steps are chosen. The likelihood has many local maxima in these parameters. So score
+tests at a grid of values (`bias_correction.scans`) set them. Bias-corrected fits keep them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """Derivatives of the log-likelihood ℓ with respect to n scaled parameters θ and the noise.
 
-    The fields g (score) and H (information) belong to θ, slope and curvature to the noise. The
-    other three fields contain large arrays from the filter's run over E encoder readings. The
-    derivatives are computed from them.
+    ``g`` is the score ∂ℓ/∂θ, and ``H`` is the information matrix of θ. ``slope`` and ``curvature``
+    are the derivatives of ℓ with respect to the noise. The other fields are large arrays from the
+    Kalman filter's run over E encoder readings. `evaluate` computes ``g`` and ``H`` from them.
     """
 
     g: np.ndarray
@@ -116,7 +116,10 @@ def efficient_score(
 
 
 def fixed_parameters(problem: Likelihood) -> np.ndarray:
-    """Return (n,) bool: True for the parameters in `SCANNED`, which no search changes."""
+    """Return (n,) bool: True for the parameters in `SCANNED`.
+
+    A bias-corrected fit keeps these parameters at their start values.
+    """
     return np.array([f.name in SCANNED for f in problem.structure.free])
 
 

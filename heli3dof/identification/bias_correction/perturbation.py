@@ -12,16 +12,17 @@ component of x that the event reads, σ = ∂c/∂x_c, and w = −∂² ln Z/∂
 with its likelihood Z. K (E, 6) is the covariance of x and c before the event. K w, the Kalman gain,
 is held fixed.
 
-- `forcing`: computes δa, constant within chunks of `CHUNK_S`, from a change of parameters or
-  effects
+- `forcing`: computes δa from a change of parameters or effects. δa is constant within each chunk,
+  a time interval of `CHUNK_S`
 - `forward`: computes δc (E,) from δa
 - `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of a weighted sum
   Σ_e q_e δc_e with respect to the change δa_b in each chunk b. The sum is then Σ_b L_b · δa_b for
   every change δa, so a single pass serves all changes
-- `misreading`: computes the change δm (rad) of the reading that the encoder's model predicts at a
-  given angle; the recorded reading stays the same. With δm, `forward` computes δc = σ δx_c + δm at
-  the events of this angle. In each run of rows without gaps, the filter computes its first angle
-  from the first recorded reading. So `forward` starts each run with the change −δm/σ of the angle
+- `misreading`: computes the change δm (rad) of a predicted reading if the model of the encoder
+  changes and the true angle does not. `forward` then computes δc = σ δx_c + δm at each event of
+  this encoder. At the start of each run (rows without gaps), the filter computes the angle from the
+  recorded reading, which stays the same. So `forward` starts each run with the change −δm/σ of the
+  angle
 """
 
 from __future__ import annotations

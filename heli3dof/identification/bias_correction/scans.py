@@ -2,9 +2,9 @@
 
 One Fourier transform or one running sum gives all scores. Time is divided into C short chunks.
 L (C, 3) is the derivative of the log-likelihood with respect to the acceleration of each axis in
-each chunk, without the part that the base parameters explain (`diagnosis.search.score_test`).
-e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a sum over the axes, is the
-efficient score of a unit torque at time t.
+each chunk. L excludes the part that changes of the fitted parameters explain
+(`diagnosis.search.score_test`). e (C, 3) is the acceleration (rad/s²) that a unit torque causes.
+λ(t) = L·e, a sum over the axes, is the efficient score of a unit torque at time t.
 
     u(f) = Σ λ(t) exp(i 2π f t)      score; real part: cosine torque, imaginary part: sine torque
     u(t_0) = Σ_{t ≥ t_0} λ(t)        score of a torque that starts at t_0
@@ -60,9 +60,11 @@ time shifts: s to add to the time of each recording; () for no shift"""
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
     """Return the Fisher information v (J,) on the size of each of J torques.
 
-    ``a`` (J, C, 3) are the accelerations (rad/s²) by the torques in C chunks (short time
-    intervals). ``A`` (n, n) is the information matrix of the fitted parameters with the prior. If a
-    change of these parameters can replace a torque, v is NaN.
+    v is the information that remains if the n parameters of the fit are estimated together with the
+    size. It is NaN for a torque that changes the readings just as changes of these parameters do.
+    ``A`` (n, n) is the information matrix of these parameters with the prior. ``a`` (J, C, 3) are
+    the accelerations (rad/s²) that each torque of size 1 causes in each of C chunks (short time
+    intervals).
     """
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
@@ -73,18 +75,19 @@ def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.nd
 
 @dataclass(frozen=True)
 class Frequencies:
-    """The scan for a torque τ_0 sin(2π f t + φ) of any frequency f."""
+    """The score test for a torque τ_0 sin(2π f t + φ), at each frequency f of a grid."""
 
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
         """Return K frequencies (Hz), and the information v (K,) on a torque of each frequency.
 
-        v is the mean of the Fisher informations on the amplitude of a cosine torque and of a sine
-        torque. v excludes the part that changes of the fit's n parameters could explain, too. ``A``
-        (n, n) is the information matrix of these parameters with the prior. ``unit`` (C, 3) are the
-        accelerations (rad/s²) by a constant torque of 1 N·m, one row for each of C chunks (short
-        time intervals).
+        v is the Fisher information on the torque's amplitude: the mean of its values for a cosine
+        torque and for a sine torque. v is the information that remains if the n parameters of the
+        fit are estimated together with the amplitude. If none remains, v is marked as infinite, and
+        `peak` does not use it. ``A`` (n, n) is the information matrix of these parameters with the
+        prior. ``unit`` (C, 3) are the accelerations (rad/s²) that a constant torque of 1 N·m causes
+        in each of C chunks (short time intervals).
         """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
@@ -155,16 +158,18 @@ def equivalent_z2(S: float, R: int) -> float:
 
 @dataclass(frozen=True)
 class Instants:
-    """The scan for a torque that starts at an unknown instant t_0, such as an added mass's."""
+    """The score test for a mass that is added in flight, at each instant t_0 of a grid."""
 
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return K instants (s), and the information v (K,) on a torque that starts at each.
+        """Return K instants (s), and the information v (K,) on a mass added at each instant.
 
-        v is the Fisher information on the torque's size. The arguments are those of
-        `Frequencies.information`, but ``unit`` (C, 3) are the accelerations by an added mass of
-        1 kg.
+        v is the Fisher information (1/kg²) that remains if the n parameters of the fit are
+        estimated together with the mass. If none remains, v is marked as infinite, and `peak` does
+        not use it. ``A`` (n, n) is the information matrix of these parameters with the prior.
+        ``unit`` (C, 3) are the accelerations (rad/s²) that an added mass of 1 kg causes in each of
+        C chunks (short time intervals).
         """
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), SCAN_KNOTS + 4)[1:-1]

@@ -6,9 +6,10 @@ random changes of the rates q̇ and angles q:
 
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
-The flight starts at rest at the recording's first angles. For a decimated log, every control period
-is simulated, as in a hole of the log (`recording.gap_filling.HOLE_S`). The simulation has no
-sampling jitter, and no mechanical stops except the table.
+The flight starts at rest at the recording's first angles. The simulation also covers the control
+periods that were not logged: between the rows of a decimated log (every m-th sample), and in gaps
+of `recording.gap_filling.HOLE_S` or more. The simulation has no sampling jitter, and no mechanical
+stops except the table.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ from heli3dof.recording.recording import Recording
 STEP_S = 0.25
 """s: spacing of the instants that `reference_changes` compares. Chosen."""
 SETTLED_S = 8.0
-"""s: an earlier change of the references is not compared: a step of the default loop has settled
-after this time."""
+"""s: `reference_changes` searches this long before the end of a gap. It is the settling time of the
+default loop: after an earlier step, the angles at the end of the gap are those of steady state."""
 COMPARED_S = 2.0
-"""s: time after a hole in which simulated and recorded angles are compared. Chosen."""
+"""s: time after a gap in which simulated and recorded angles are compared. Chosen."""
 
 
 def simulated_flight(
@@ -74,13 +75,14 @@ def _loop_task(part: Recording) -> LoopTask:
 
 
 def reference_changes(recording: Recording) -> Mapping[int, float]:
-    """Return {k: t}: the references changed at the time t (s), in the hole after row k.
+    """Return {k: t}: the references changed at the time t (s), in the gap of the log after row k.
 
-    A hole, a gap of `HOLE_S` or more, is listed if the references before and after it differ. All
-    references are assumed to change at one instant. The estimate t is one of the instants, `STEP_S`
-    apart, in the last `SETTLED_S` of the hole: the one for which a simulation fits best. The
-    simulation has the profile's numbers and no noise. Its fit is the sum of squared differences
-    from the recorded angles in the `COMPARED_S` after the hole.
+    A gap of `HOLE_S` or more has an entry if the references before and after it differ. The
+    function assumes that all references change at one instant t of the gap. A grid search with the
+    step `STEP_S` over the last `SETTLED_S` of the gap estimates t. For each t, the function
+    simulates the flight with the profile's parameters and without noise. The error of a simulation
+    is the sum of squared differences from the recorded angles in the `COMPARED_S` after the gap.
+    The estimate is the t with the smallest error.
     """
     holes = tuple(
         int(k)
@@ -92,7 +94,10 @@ def reference_changes(recording: Recording) -> Mapping[int, float]:
 
 @lru_cache(maxsize=16)  # every simulated flight of a recording needs them
 def _estimated_changes(recording: Recording, holes: tuple[int, ...]) -> Mapping[int, float]:
-    """Return the result of `reference_changes`; ``holes``: the rows before the holes."""
+    """Return {k: t}: the references changed at the time t (s), in the gap of the log after row k.
+
+    ``holes`` contains the numbers k of these rows. `reference_changes` explains the method.
+    """
     changes: dict[int, float] = {}
     t = recording.t
     for k in holes:
@@ -106,8 +111,9 @@ def _estimated_changes(recording: Recording, holes: tuple[int, ...]) -> Mapping[
 def _misfit(recording: Recording, changes: Mapping[int, float], first: int) -> float:
     """Return the sum of squared differences (rad²) between simulated and recorded angles.
 
-    The sum begins at the row ``first``. ``changes``: result of `reference_changes`. The simulation
-    has the profile's numbers and no noise. If it diverges, the result is infinite.
+    The sum begins at the row ``first``. ``changes`` {k: t}: in the gap of the log after row k, the
+    simulated references change at the time t (s). The simulation has the profile's parameters and
+    no noise. If it diverges, the result is infinite.
     """
     part, at = with_loop_rows(recording, changes)
     flown = fly(

@@ -65,7 +65,11 @@ class LikelihoodWithInertiaPrior(Likelihood):
 
     @cached_property
     def prior_mean(self) -> np.ndarray:
-        """Return the prior mean (n,) of the scaled parameters (of an inertia: its logarithm)."""
+        """Return the prior mean (n,) of the scaled parameters.
+
+        The scaled parameter of an inertia J is ln J. Its prior mean is ln(r J_0), with the
+        profile's inertia J_0 and r = ``inertia_ratio``. For an inertia in ``at_nominal``, r is 1.
+        """
         mean = super().prior_mean.copy()
         mean[[j for j in (1, 2, 3) if j not in self.at_nominal]] += np.log(self.inertia_ratio)
         return mean

@@ -1,4 +1,4 @@
-"""Settings of a fit that simulates flights, such as the recordings and the random seed."""
+"""Settings of a fit that simulates flights: recordings, random seed, number of flights."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ b of half a second. The actual scatter of the scores is B = Σ_b s_b s_bᵀ. Wit
 The last factor is there because the scores' sum is zero at the optimum. κ widens the intervals if
 the scores scatter more than the noise model allows. A single number κ replaces the full sandwich
 H⁻¹ B H⁻¹, because it is more accurate. With a hundred blocks, each entry of B is uncertain by 10 to
-20 %, the average of the entries only by 2 to 5 %. κ is at least 1, because blocks of half a second
-miss the scatter from slow drifts.
+20 %, the average of the entries only by 2 to 5 %. The limit κ ≥ 1 is there because B ignores the
+correlation between blocks. Slow drifts cause such a correlation, so B may be too small.
 
 The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
 Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its
@@ -144,10 +144,10 @@ def estimate(
     not converge, it is repeated from other parameter values, and the best result is returned.
 
     Without ``start``, the search starts at the prior mean. Some effects, such as an added mass,
-    begin during a recording. The time of this change is a parameter, for which the prior mean is
-    no good initial value. So the model is first fitted without such an effect. A score test then
-    evaluates many possible times (`bias_correction.scans`). The initial value is the time with the
-    largest test statistic.
+    begin during a recording. Their onset time is a parameter, for which the prior mean is no good
+    initial value. So the model is first fitted without such an effect. A score test then evaluates
+    many onset times (`bias_correction.scans`). The initial value is the onset time with the largest
+    test statistic.
     """
     if start is None:
         start, noise = _start_at_instants(problem, noise)
@@ -169,10 +169,10 @@ def _start_at_instants(
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Return start values of a fit: scaled parameters (n,) and noise (4,).
 
-    Some effects, such as an added mass, begin during a recording, at an unknown time. The function
-    first fits the model without these effects. Then the score of each effect is computed for many
-    possible times. The time with the largest score is the start value of the effect's parameter for
-    the time. If the model has no such effect, the function returns the prior mean and ``noise``.
+    Some effects, such as an added mass, begin during a recording. Their onset time is an unknown
+    parameter. The function first fits the model without these effects. Then it computes the score
+    of each effect for many onset times. The onset time with the largest score is the start value.
+    If the model has no such effect, the function returns the prior mean and ``noise``.
     """
     from heli3dof.identification.bias_correction.scans import likeliest_instant
 

@@ -194,7 +194,11 @@ class MultiStep:
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """Return the log-likelihood (3,) of the recordings by axis, by the filter `ekf_jitter`."""
+        """Return the log-likelihood of the recordings, one value for each axis (3,).
+
+        The Kalman filter `ekf_jitter` computes it. z (dim,) are the scaled parameters. ``noise``
+        (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s).
+        """
         parts = [
             filter_jittered(self.structure, self.values(z, i), d, noise).loglik
             for i, d in enumerate(self.data)

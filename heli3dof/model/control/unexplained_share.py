@@ -24,9 +24,10 @@ AT_LIMIT = 0.98
 
 
 def is_limited(voltage: np.ndarray, v_max: float) -> np.ndarray:
-    """Return (N,) bool: rows in which a motor is at its limit, or off (exactly 0 V).
+    """Return (N,) bool: rows in which a motor is at its voltage limit, or off (exactly 0 V).
 
-    No linear law explains these voltages (N, 2) V: the controller does not determine them.
+    ``voltage`` (N, 2) V are the voltages of both motors, ``v_max`` (V) is the limit. Such rows are
+    no data on the control law, because the limit or the switch-off has replaced its voltage.
 
     >>> is_limited(np.array([[6.0, 7.0], [6.0, 10.0], [0.0, 7.0]]), v_max=10.0).tolist()
     [False, True, True]

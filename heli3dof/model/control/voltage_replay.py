@@ -2,7 +2,7 @@
 
     d[k] = clip(v_logged[k], ±v_max) − control_law(angle[0 … k], reference[0 … k], extra[k])
 
-extra is the logged excitation. d is zero if the profile's controller flew the recording. If the
+extra is the logged excitation. d is zero if the profile's controller computed the voltages. If the
 controller adds a constant to the angles (half a count), or if its integrals do not start at zero, d
 gets a constant and a slope. Both are removed from d in each block of time. The **share** of the
 voltages that the controller does not explain is std(d)/std(v_logged)
@@ -15,10 +15,10 @@ If the share exceeds `REPRODUCED`, d shows the cause:
   period late.
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
-* Otherwise another controller flew the recording.
+* Otherwise another controller computed the voltages.
 
 `with_known_controller` prepares a recording for simulated flights (bias correction, null
-simulations). If another controller than the profile's flew the recording, that controller is
+simulations). If another controller than the profile's computed the voltages, that controller is
 identified from the log (`model.control.controller_identification`).
 """
 
@@ -67,7 +67,7 @@ class Match(enum.Enum):
     EXCITED = "excited"
     """An extra voltage was added that the log does not contain."""
     OTHER = "other"
-    """Another controller flew the recording."""
+    """Another controller computed the logged voltages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,11 @@ def with_known_controller(recording: Recording) -> Recording:
 
     * An excitation that was not logged becomes the result's ``voltage_extra``.
     * If the profile's controller is one period late, `is_late` is true for the result.
-    * If the profile has no controller, or another one flew the recording, the result has an
-      ``identified_controller``. If none can be identified, the result has no controller.
+    * If another controller than the profile's computed the voltages, the function identifies that
+      controller from the log. The result has it as ``identified_controller``. If the identification
+      fails, the result has no controller.
+    * If the profile has no controller, or the log no reference, the function also identifies the
+      controller. If the identification fails, the recording is returned unchanged.
     * In all other cases the recording is returned unchanged.
     """
     result = voltage_replay(recording)

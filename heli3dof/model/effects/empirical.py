@@ -1,4 +1,4 @@
-"""Empirical torques: a product of measured quantities, or its piecewise linear function.
+"""Empirical torques: linear or piecewise linear functions of a product of measured quantities.
 
     τ = c · x y                      name ``empirical.x*y.AXIS``
     τ = Σ_k τ_k φ_k(x y)             name ``empirical.spline(x*y:low:high).AXIS``
@@ -9,7 +9,8 @@ product. τ_k (N·m) is the torque at knot k. The hat function φ_k falls linear
 range τ is constant.
 
 A diagnosis adds such a torque if no effect of the catalogue explains the data. The name defines the
-torque completely, so a model file needs nothing else.
+equation. So a model file needs only the name and the value of c, or the values of all τ_k, to
+describe the torque.
 """
 
 from __future__ import annotations

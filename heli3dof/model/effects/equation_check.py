@@ -50,9 +50,9 @@ CHANGED = {
 
 
 def states() -> Iterator[np.ndarray]:
-    """Yield `STATES` states (SIZE,) of the default rig: at rest, then drawn within its limits.
+    """Yield `STATES` states of the default rig, each as a read-only array (SIZE,).
 
-    The arrays are read-only.
+    In the first state, the rig is at rest. The other states are random, within the rig's limits.
     """
     rng = np.random.default_rng(0)
     profile = default_profile()

@@ -140,11 +140,13 @@ def filter_blocks(  # type: ignore[no-untyped-def]
 
     The log-likelihood of each axis is added to ``loglik`` (3,). ``keep`` selects further output:
 
-    - ≥ 1: one element per event in each of the following arrays. ``row``: the row. ``state``: which
-      quantity c the event measures; 0, 1, 2: the reading of roll, pitch, yaw; 3, 4, 5: the rate of
-      this reading, if it rises; 6, 7, 8: minus the rate of this reading, if it falls. C: the
-      predicted c. G, W: score and information of c. K: the covariance (6,) between x and c. The
-      event updates the state by x ← x + K G.
+    - ≥ 1: one element per event in each of the following arrays. ``row``: the row. ``state``: a
+      code of the quantity c that the event measures. Codes 0, 1, 2: c is the reading of roll,
+      pitch, yaw. If a reading has changed by one count, a second event may follow, which measures
+      its rate. Codes 3, 4, 5: the reading of roll, pitch, yaw has risen, c is its rate. Codes 6, 7,
+      8: the reading of roll, pitch, yaw has fallen, c is minus its rate. C: the predicted c. G, W:
+      score and information of c. K: the covariance (6,) between x and c. The event updates the
+      state by x ← x + K G.
     - ≥ 2: X (N, 6), the states after the updates of each row.
     - ≥ 3: X (N, 9); its last three columns are ``loglik`` up to each row.
     """
@@ -288,8 +290,9 @@ class FilterRun:
     row: np.ndarray
     """(E,) data row of each update"""
     state: np.ndarray
-    """(E,) which quantity each update measures. 0, 1, 2: the reading of roll, pitch, yaw. 3, 4, 5:
-    the rate of this reading, if it rises. 6, 7, 8: minus the rate of this reading, if it falls"""
+    """(E,) code of the quantity that each update measures. 0, 1, 2: the reading of roll, pitch,
+    yaw. 3, 4, 5: the rate at which the reading of roll, pitch, yaw rises. 6, 7, 8: the rate at
+    which the reading of roll, pitch, yaw falls"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
@@ -346,11 +349,14 @@ def prediction_changes(  # type: ignore[no-untyped-def]
     """Compute how J sets of parameters change what the Kalman filter predicts at its E updates.
 
     `filter_blocks` has filtered the data and stored its measurement updates (events) in row, state,
-    C, G, W, K. An event measures one quantity: an encoder reading or a rate. This function repeats
-    the filter's pass for each parameter set, with the stored gains. It writes to D (J, E) the
-    predicted quantity minus that of `filter_blocks`. Each event changes the state by K (G − W D).
-    ``s0`` and ``pars`` contain the J parameter sets (`Structure.arguments`). The other arguments
-    are those of `filter_blocks`.
+    C, G, W, K. An event measures one quantity: an encoder reading or a rate. `filter_blocks` has
+    predicted C (E,) for the quantities. This function repeats the filter's pass for each parameter
+    set. It predicts the same quantities, subtracts C, and writes the differences to D (J, E).
+
+    In the repeated pass, each event changes the state by K (G − W D), with the stored K, G and W.
+    K is the covariance between the state and the quantity. G is the score of the quantity, W its
+    information. ``s0`` and ``pars`` are the arrays s and par of `Structure.arguments` for the J
+    parameter sets. The other arguments are those of `filter_blocks`.
 
     In `filter_blocks`, dry friction depends on the uncertainty of the rates; here it does not. So D
     is not zero even for the parameters with which `filter_blocks` ran. Therefore, pass these as the

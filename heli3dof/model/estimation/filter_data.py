@@ -91,10 +91,11 @@ class Data:
 
     @property
     def recorded_rows(self) -> np.ndarray:
-        """Return an array (N,): the row number of each of the N rows in its recording.
+        """Return an array (N,): for each of the N rows, its row number in the recording.
 
-        The number is −1 for the rows before a run (consecutive usable rows). Of these rows, the
-        filter uses only the voltages.
+        The data contain runs (consecutive usable rows of a recording). Directly before each run,
+        they also contain up to `LEAD_S` seconds of further rows, whose voltages determine the
+        thrusts at the start of the run. The number of such a further row is −1.
         """
         out = np.full(len(self.t), -1)
         for run, (_, start, stop) in zip(self.runs, self.blocks, strict=True):

@@ -201,10 +201,10 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return an array (4,): the model's process noise of 3 axes in rad/s²/√Hz, its jitter in s.
+    """Return an array (4,): the process noise of 3 axes (rad/s²/√Hz), and the sampling jitter (s).
 
-    The process noise is `NOISE` on axes where the model has none. The jitter is that of the
-    sampling interval.
+    The values are those of the model. Where the model's process noise is zero, the value of `NOISE`
+    replaces it. The jitter is the standard deviation of the sampling instants.
     """
     return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 

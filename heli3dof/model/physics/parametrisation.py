@@ -182,7 +182,12 @@ class Structure:
         return s, self.hooks.first, self.hooks.address, par, mem
 
     def _context_and_rows(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the arrays s and par of `arguments` for one set of ``values`` (n,)."""
+        """Return two arguments of the effects' H compiled functions, for parameter ``values`` (n,).
+
+        The first array (SIZE,) contains parameters and state of the rig. Row i of the second array
+        (H + 1, PARAMETERS) contains the effect parameters that function i reads. Its last row is
+        zero. `arguments` calls the arrays s and par.
+        """
         s = _s.context(self.profile)
         s[_s.T_G] = values[0]
         s[_s.J_R : _s.J_R + 3] = values[1:4]
