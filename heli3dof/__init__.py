@@ -11,19 +11,21 @@ Flying, recording, identifying, comparing, diagnosing and reporting can be done 
     )
     print(h3.diagnose(flight.recording).summary())
 
-These subcommands are on the command line only: batch, demo, effect, exercise, fleet, monitor; so
-are ``profile new``, ``profile update`` and ``diagnose --cluster``. For ``effect list``, use
-`effects`.
+These subcommands are on the command line only: batch, demo, effect, exercise, fleet, monitor; also
+``profile new``, ``profile update`` and ``diagnose --cluster``. In place of ``effect list``, call
+the function `effects`.
 
-A function that takes a plan, profile, recording or model also takes its path, or a built-in plan's
-or model's name. In place of a list with one element, it takes the element. Arrays are in SI units
-(s, V, rad), with columns (roll, pitch, yaw) and (front, back).
+In place of a plan, profile, recording or model, a function also accepts the path of its file. In
+place of a built-in plan or model, it accepts the name. In place of a list with one element, it
+accepts the element. Arrays are in SI units (s, V, rad). Their columns are roll, pitch, yaw for
+angles and front, back for voltages.
 
-Every error that a function raises is a `Heli3dofError`; for a wrong argument, it is a `UsageError`.
-So is a wrong value in a method of an object. An argument of a wrong type may be a TypeError there.
+Every error that a function of this package raises is a `Heli3dofError`. Its subclass `UsageError`
+reports a wrong argument of a function, or a wrong value that was passed to a method. If an argument
+of a method has the wrong type, the method may raise TypeError instead.
 
-``__init__.pyi`` lists the public names, with the types that the functions accept. Each is imported
-when it is first used, so that importing the package is quick.
+``__init__.pyi`` lists the public names, with the types that the functions accept. heli3dof imports
+the module of a public name when the name is first used, so ``import heli3dof`` is quick.
 """
 
 from __future__ import annotations

@@ -114,7 +114,12 @@ def import_log(
 
 
 def _log_table(given: Mapping[str, str], profile: Profile, file: Path | None) -> Iterator[str]:
-    """Yield the entries of ``given`` that ``[log]`` of ``profile``, read from ``file``, lacks."""
+    """Yield, line by line, the advice to add the ``--map`` expressions to the profile's ``[log]``.
+
+    ``given``: column → expression from ``--map``. The advice lists each column for which ``[log]``
+    of ``profile`` does not state the same expression. If there is no such column, the function
+    yields nothing. ``file``: the profile's file, which the advice names.
+    """
     from heli3dof.rig.profile_file import literal
 
     known = profile.log.expressions if profile.log is not None else {}

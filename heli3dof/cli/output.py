@@ -175,10 +175,12 @@ def _console(**options: Any) -> Console:
 def verb(function: Callable[..., None]) -> Callable[..., None]:
     """Decorate a subcommand: give it the options --json and --quiet, and print its errors.
 
-    ``function`` gets the `Output` of these options as its first argument, ``out``. If it raises an
-    error, the command prints the error and exits with the error's exit code. The message states
-    what happened, the likely cause and the fix. Messages of the package name arguments of Python
-    functions; the command prints them as options (`with_options`).
+    The first argument of ``function``, ``out``, is an `Output` with these options. If ``function``
+    raises an error, the command prints the error and exits with the error's exit code. The message
+    states what happened, the likely cause and the fix.
+
+    A message may refer to an argument of a Python function, such as ``order=4``. The command
+    prints the corresponding option instead, such as ``--order 4`` (`with_options`).
     """
 
     @functools.wraps(function)
@@ -219,7 +221,7 @@ def add_family(
 ) -> None:
     """Add the subcommand ``name`` with subcommands of its own: ``verbs``, name → function.
 
-    ``heading``: where ``heli3dof --help`` lists it.
+    ``heading``: the heading under which ``heli3dof --help`` lists the subcommand ``name``.
     """
     family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
     for word, function in verbs.items():

@@ -150,7 +150,14 @@ def axes_to_explain(view: View, T: np.ndarray) -> set[str]:
 
 
 def swap_by_motion(view: View) -> Swap | None:
-    """Return the two columns whose swap explains the motion of the axes best; None without one."""
+    """Return the two columns that are swapped, judged by the axes' motion; else None.
+
+    The function exchanges two columns of the log at a time, and compares the resulting motion with
+    the profile's prediction. It returns the two columns whose exchange leads to the best agreement
+    (`agreement`). The result is None if the exchange increases the agreement by less than `BETTER`.
+    It is also None if a change of one voltage's sign leads to a better agreement. The module's
+    docstring lists further conditions.
+    """
     if not axes_to_explain(view, _table(view.recording)):
         return None
     view = View(block_means(view.recording))
@@ -222,9 +229,10 @@ def _names(*columns: int) -> set[str]:
 
 
 def _swap_by_grid(view: View) -> Swap | None:
-    """Return a swap of an angle and a reference if only the reference consists of whole counts.
+    """Return an angle and a reference that are swapped, judged by the encoder's grid; else None.
 
-    The counts are those of the angle's encoder. The result is None if there is no such pair.
+    The grid of an angle consists of the multiples of its encoder's step. The function reports an
+    angle and a reference as swapped if the reference is on the angle's grid and the angle is not.
     """
     r, rows = view.recording, view.finite_rows
     if rows.sum() < 100:
@@ -245,7 +253,11 @@ def _swap_by_grid(view: View) -> Swap | None:
 
 
 def _swap_by_reference(view: View) -> Swap | None:
-    """Return a swap of two references if one axis follows the reference of another, else None."""
+    """Return the references of two axes that are swapped, judged by correlation; else None.
+
+    The function reports the references of two axes as swapped if both of these hold: the angle of
+    one axis follows the reference of the other axis, and neither angle follows its own reference.
+    """
     r, rows = view.recording, view.flying
     both = [i for i in view.measured if np.isfinite(r.reference[rows, i]).all()]
     if rows.sum() < 100:

@@ -1,8 +1,9 @@
 """Check that a known controller reproduces the recorded voltages.
 
 `heli3dof.model.control.voltage_replay` compares the profile's controller with the log. The
-diagnosis needs the controller to simulate flights. If the profile has none, or another one flew the
-recording, it is identified from the log (`heli3dof.model.control.controller_identification`).
+diagnosis simulates flights with this controller. It needs another one if the profile has no
+controller, or if a different controller flew the recording. In these cases,
+`heli3dof.model.control.controller_identification` identifies a linear controller from the log.
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ FIX = {
 
 
 def controller(view: View) -> Iterable[Fault]:
-    """Yield a finding or a note if the controller's voltages differ from the logged ones."""
+    """Yield a fault if the profile's controller does not reproduce the logged voltages.
+
+    `voltage_replay` computes the controller's voltages from the logged angles and references. The
+    fault is a note if the controller is one period late, or if an excitation was not logged. In all
+    other cases, the fault is a finding.
+    """
     r = view.recording
     result = voltage_replay(view.corrected)
     if result is None or result.match is Match.REPRODUCED:
@@ -50,7 +56,7 @@ def controller(view: View) -> Iterable[Fault]:
 
 
 def identified(view: View) -> Iterable[Fault]:
-    """Yield a note on the linear controller that was identified in place of the profile's."""
+    """Yield a note if simulated flights use a linear controller identified from the log."""
     law = with_known_controller(view.corrected).identified_controller
     if law is not None:
         name = view.recording.name

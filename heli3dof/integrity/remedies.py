@@ -23,16 +23,17 @@ def is_log(recording: Recording) -> bool:
 
 
 def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
-    """Return the column that contains ``quantity``, and how import computed it from the log.
+    """Return the column that contains ``quantity``, and how `import` computed it from the log.
 
     ``quantity``: ``roll``, ``pitch``, ``yaw``, or the name of a voltage's column. The first value
-    is the column's name. An angle's name has the unit that its ``--map`` option or the profile's
-    ``[log]`` states, such as ``roll_rad``. If neither computes the angle, the name ends in
-    ``_deg``.
+    is the name of the recording's column. An angle's name has the unit that its ``--map`` option or
+    the profile's ``[log]`` states, such as ``roll_rad``. If neither computes the angle, the name
+    ends in ``_deg``.
 
-    The second value is an expression of the log's columns, such as ``-x[3]``. If import computed
-    the column from another mapped column, the value contains that column's expression instead of
-    its name. If import copied the column unchanged, the second value is the column's name.
+    The second value is an expression of the log's columns, such as ``-x[3]``. If `import` copied a
+    column of the log, the expression is the name of that column in the log. A ``--map`` option may
+    use the result of another one, as in ``v_back_V=u`` and ``v_front_V=-v_back_V``. The function
+    then substitutes the other option's expression: the value for ``v_front_V`` is ``-u``.
     """
     mapping = recording.meta.get("log_mapping") or {}
     names = [f"{quantity}_rad", f"{quantity}_deg", quantity]
@@ -101,9 +102,12 @@ def voltage_remedy(recording: Recording, front: str = "{f}", back: str = "{b}") 
 
 
 def _has_same_fault(recording: Recording, front: str, back: str) -> bool:
-    """Return True if the commands are nearer to the recorded voltages than to the right ones.
+    """Return True if the commanded voltages have the same fault as the recorded motor voltages.
 
-    ``front``, ``back``: the right voltages, as expressions of the recorded ones (`voltage_remedy`).
+    This is so if the commanded voltages are nearer to the recorded motor voltages than to the
+    corrected motor voltages. ``front``, ``back``: expressions that compute the corrected voltages
+    from the recorded ones (`voltage_remedy`). The distance is the median over all rows of
+    |Δ front| + |Δ back|. If no commanded voltages were recorded, the result is False.
     """
     rows = np.isfinite(recording.voltage_cmd).all(axis=1) & np.isfinite(recording.voltage).all(1)
     if not rows.any():

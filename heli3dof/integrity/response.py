@@ -74,9 +74,11 @@ class Response:
 
     @property
     def level_rad(self) -> float:
-        """Return, for roll, the logged angle (rad) at which gravity acts most: the level angle.
+        """Return, for roll, the logged angle (rad) at which the gravity torque is largest.
 
-        c_1 cos r + c_2 sin r is −A cos(r − level) with A > 0.
+        The arm is level at this angle. The regression models the acceleration that gravity causes
+        at the roll angle r as c_1 cos r + c_2 sin r. `gravity` contains c_1 and c_2 (rad/s²). The
+        sum equals −A cos(r − r_level) with A > 0. The result is r_level = atan2(−c_2, −c_1).
         """
         c_1, c_2 = self.gravity
         return float(np.arctan2(-c_2, -c_1))

@@ -1,4 +1,7 @@
-"""`check_distinct`: refuses training recordings that share samples with one another or held-out."""
+"""`check_distinct`: raises an error if a training recording shares samples with another recording.
+
+The other recording may be a training recording or a held-out recording.
+"""
 
 from __future__ import annotations
 
@@ -51,14 +54,17 @@ def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> 
 def _pairs(
     train: Sequence[Recording], holdout: Sequence[Recording]
 ) -> Iterator[tuple[Recording, Recording, str]]:
-    """Yield each training recording with each later one, and with each held-out recording."""
+    """Yield each pair to compare: a training recording, another recording, and the other's role.
+
+    The role is "training" or "held-out". Each pair of training recordings occurs once.
+    """
     for k, one in enumerate(train):
         yield from ((one, other, "training") for other in train[k + 1 :])
         yield from ((one, other, "held-out") for other in holdout)
 
 
 def _shared_span(one: Recording, other: Recording) -> tuple[float, float] | None:
-    """Return the first and last time in s of data in both recordings; None if they share none.
+    """Return the first and last time (s) of the samples that both recordings contain, or None.
 
     Samples at equal times are compared. Two emulated flights with one seed are equal until their
     plans differ. So equal samples at the start of both recordings do not count, unless one of the

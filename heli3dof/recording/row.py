@@ -13,7 +13,7 @@ CLOSED_LOOP, RAMP_DOWN = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Data of one control period: sample, voltages computed from it, and voltages of the device."""
+    """The data of one control period, such as angles, references, voltages and lateness."""
 
     t: float
     """s since the first sample, on the device's clock."""

@@ -137,7 +137,7 @@ def _table(
     columns: str | Sequence[str] | None,
     expressions: Sequence[str],
 ) -> Table:
-    """Return the table of one file; the arguments are those of `_read` and `import_log`."""
+    """Return the table of one file. `_read` and `import_log` describe the arguments."""
     if not path.exists():
         raise no_file(path, "recording", RecordingError)
     refuse_stream(path)
@@ -163,9 +163,10 @@ def _read(
 ) -> Table:
     """Return the file's table; convert an importer's unexpected exceptions to RecordingError.
 
-    ``expressions``: those that compute the recording's columns, from the command and the profile.
-    So an importer need not convert the exceptions of its parser. Errors of heli3dof and OSError are
-    not converted.
+    An importer therefore need not catch the exceptions of its parser. The function does not convert
+    OSError and the errors of heli3dof. ``expressions``: the formulas of the recording's columns,
+    which the ``--map`` options and the profile's ``[log]`` state. If the file has several tables,
+    the function may leave out those that no expression needs (`join_used`).
     """
     try:
         if importer.read_tables is not None and columns is None:

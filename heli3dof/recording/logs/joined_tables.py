@@ -1,8 +1,9 @@
 """Join the tables of several logs of one flight on their common clock.
 
-The joined table has the rows of the slowest log. From a faster log it takes the samples at the same
-times. It also contains the mean of each signal from one of these rows to the next: `lower_rate`
-uses the means of the voltages.
+The joined table has one row for each instant at which every log has a sample. These instants are
+sampling times of the slowest log. For each signal of a faster log, `join` also computes the mean
+over the interval from one row to the next. `lower_rate.with_mean_voltages` later replaces the
+sampled voltages by these means.
 """
 
 from __future__ import annotations
@@ -51,7 +52,10 @@ def clock_of(names: Iterable[str]) -> str | None:
 
 
 def with_clock(table: Table) -> Table:
-    """Return ``table`` with its time vector as column ``t_s``; unchanged if it has none."""
+    """Return ``table`` with its time vector as column ``t_s``.
+
+    A table without a time vector is returned unchanged.
+    """
     name = clock_of(table.columns)
     if name is None or "t_s" in table.columns:
         return table
@@ -140,11 +144,12 @@ def join(tables: Sequence[Table]) -> Table:
 
 
 def join_used(tables: Sequence[Table], expressions: Iterable[str]) -> Table:
-    """Return one file's tables, joined, without those that only make the log shorter.
+    """Join the tables of one file; leave out unused tables that would remove rows of the others.
 
-    Such a table has no column of ``expressions`` or of docs/reference/recording.md, and `join`
-    leaves out rows because of it, or refuses it. ``ignored`` of the result names it. If no table
-    has such a column, all are joined.
+    A table is used if it has a column that `import` needs (`_is_used`). The function joins all used
+    tables. It adds an unused table only if `join` raises no error and the joined table keeps all
+    rows. The result's ``ignored`` lists the tables that are left out. If no table is used, the
+    function joins all tables.
     """
     text = "\n".join(expressions)
     is_kept = [_is_used(table, text) for table in tables]
@@ -169,9 +174,11 @@ def join_used(tables: Sequence[Table], expressions: Iterable[str]) -> Table:
 
 
 def _is_used(table: Table, text: str) -> bool:
-    """Return True if ``table`` has a column of docs/reference/recording.md, or named in ``text``.
+    """Return True if `import` needs at least one column of ``table``, apart from its time vector.
 
-    The column of its clock does not count.
+    `import` needs a column if docs/reference/recording.md lists the column's name, also in a form
+    such as ``Roll [deg]``. It also needs a column if ``text`` contains the column's name or full
+    path in the file. ``text``: the expressions that compute the recording's columns.
     """
     names = table.columns.keys() - {"t_s", table.origins.get("t_s")}
     own = any(name in KNOWN or own_name(name) for name in names)

@@ -22,8 +22,9 @@ from heli3dof.rig.profile import Profile
 SAME = 0.01
 """Largest relative difference of two rates, or spacings of rows, that count as equal. Chosen."""
 SAME_READING = 0.1
-"""Largest difference of m/m_held from a whole number, for m rows per kept row: a log shows the
-number m_held of rows for which it holds a reading to a few per cent. Chosen."""
+"""Largest difference of m/m_held from a whole number. m: rows of the log per kept row; m_held:
+number of successive rows in which the log repeats a reading. The estimate of m_held is accurate to
+a few per cent. Chosen."""
 MEANS = "with the mean of each voltage over the interval to the next one."
 
 
@@ -84,9 +85,11 @@ def at_rate(table: Table, profile: Profile, rate_hz: float) -> Table:
 
 
 def _no_multiple(rate_hz: float, m: float, held: float) -> UsageError:
-    """Return the error for a ``rate_hz`` if the log's rate is not a whole multiple of it.
+    """Return the UsageError for a log whose rate is not a whole multiple of ``rate_hz``.
 
-    ``m``: rows of the log per kept row; ``held``: rows for which the log holds a reading.
+    ``m``: the log's rate divided by ``rate_hz``. ``held``: number of successive rows in which the
+    log repeats each encoder reading. If ``held`` exceeds 1, the message states the rate of these
+    readings instead of the log's rate. The error suggests the nearest usable rates.
     """
     log_hz = rate_hz * m / held
     below = int(m / held)
@@ -100,10 +103,11 @@ def _no_multiple(rate_hz: float, m: float, held: float) -> UsageError:
 
 
 def with_mean_voltages(table: Table) -> Table:
-    """Return ``table`` with mean voltages (`Table.means`) in place of sampled ones.
+    """Replace sampled voltages by their means (`Table.means`), if known; return the new table.
 
-    `Table.means` has a mean if several logs were joined and the voltage came from a faster log than
-    the kept rows. The mean is over the time from one kept row to the next.
+    Each mean is over the interval from one row to the next. The means of a voltage are known if
+    several logs were joined, and the voltage's log has more rows per second than the joined table.
+    All other voltages remain sampled values.
     """
     sources = {name: table.origins.get(name, name) for name in VOLTAGE_COLUMNS}
     means = {n: table.means[s] for n, s in sources.items() if s in table.means}

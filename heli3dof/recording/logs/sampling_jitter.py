@@ -12,12 +12,15 @@ estimated from the products e_i e_j, summed over samples and pairs of axes i < j
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 
-q is the encoder's step, τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
+s_i² is the assumed variance of e_i. It is the sum of two variances: q²/12 from rounding to the
+encoder's step q, and (τ ẏ_i)² from a jitter of standard deviation τ = `SCALE_S`. The weight u is
+the inverse of s_i² s_j², the assumed variance of e_i e_j. For a single axis, σ_t² is the slope of
+the linear regression of e² on ẏ².
 
 The standard deviation of σ_t² is estimated by a jackknife over blocks of `BLOCK_S`. Without jitter,
-σ_t² divided by this standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of freedom;
-b is a block's fraction of the denominator. If delays last longer than the window, the true jitter
-is larger than the estimate.
+σ_t² divided by this standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of freedom.
+Here b is the fraction of the denominator Σ u w² that one block contributes. If delays last longer
+than the window, the true jitter is larger than the estimate.
 """
 
 from __future__ import annotations

@@ -6,13 +6,16 @@ variable                              signals
 matrix whose first row (or column)    its other rows (or columns), called ``x[1]``, ``x[2]``, …;
 is time (block "To File")             the first row (or column) is their clock
 matrix without time                   all its rows (or columns), called ``x[1]``, ``x[2]``, …
-structure with ``time`` and           ``signals.values``, with the names in ``signals.label``, or
-``signals.values``                    else as in a matrix; their clock is ``time``
-structure with ``signals.values``     the same; their clock is a vector of time
-but without time
-structure with ``Time`` and ``Data``  ``Data``, with names as in a matrix; the clock is ``Time``
-structure with ``Name`` and one       the signals of this structure, with the name in ``Name``
-structure with time
+structure with ``time`` and           the rows (or columns) of ``signals.values``, with the names
+``signals.values``                    ``signals.label`` or ``x[1]``, ``x[2]``, … (`_named_signals`);
+                                      their clock is ``time``
+structure with ``signals.values``     the rows (or columns) of ``signals.values``, with the same
+but without time                      names; their clock is another variable, a time vector
+structure with ``Time`` and ``Data``  the rows (or columns) of ``Data``, called ``x[1]``, ``x[2]``,
+                                      …; their clock is ``Time``
+structure with the fields ``Name``    the signals of ``F``, named after the text in ``Name``
+and ``F``, if ``F`` is the only
+field that is a structure with time
 vector                                one signal with the name of the vector; its clock is another
                                       vector, called ``t_s``, ``time`` or similar (`clock_of`)
 other structure                       the signals of its fields
@@ -58,7 +61,11 @@ class _Found:
     def with_free_names(
         self, name: str, columns: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Return ``columns`` of the structure ``name``; it prefixes names that are taken."""
+        """Return the ``columns`` of the structure ``name``, with names not used by other signals.
+
+        For example, the column ``roll`` of the structure ``flight`` is renamed to ``flight.roll``
+        if another signal is already called ``roll``.
+        """
         taken = self.arrays.keys() | {c for _, others in self.clocked for c in others}
         return {f"{name}.{c}" if c in taken else c: values for c, values in columns.items()}
 
@@ -76,7 +83,7 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
     """Return one table of signals per time vector.
 
     Arrays without a time vector form one table per array length. ``source``: the file's name;
-    ``stem``: the same without ending; ``variables``: the file's variables by name.
+    ``stem``: the file's name without its ending; ``variables``: the file's variables by name.
     """
     found = _Found()
     for name, value in variables.items():
@@ -98,10 +105,11 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
 
 
 def _visit(name: str, path: str, value: Any, found: _Found) -> None:
-    """Add the signals of the variable ``name`` to ``found``; visit the fields of a structure.
+    """Add the signals of the variable ``name``, and of the fields of a structure, to ``found``.
 
-    A field's signal is named like the field. If another array has this name, the signal is called
-    ``structure.field``; if an array has that name too, its name is the full path.
+    ``path`` is the variable's full path in the file, such as ``flight.angle.roll``. There are three
+    possible names for a field's signal: the field's name, ``structure.field``, and the full path.
+    The function chooses the first of these that no other signal has.
     """
     if isinstance(value, Opaque):
         found.ignored.append(
@@ -177,9 +185,11 @@ def _fields(value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _named_signals(name: str, signals: Any, n: int) -> dict[str, np.ndarray]:
-    """Return the columns of the field ``signals`` of the structure ``name``, with ``n`` samples.
+    """Return {name: column of ``n`` samples} of the field ``signals`` of the structure ``name``.
 
-    Labels name the columns if there are several, each with another one.
+    ``signals`` is a structure or a list of structures. Each has ``values`` and perhaps a ``label``.
+    If the list has several structures, and all have different labels, the labels name the columns.
+    Otherwise the columns are called ``name[1]``, ``name[2]``, …, or ``name`` if there is only one.
     """
     listed = [signals] if isinstance(signals, Mapping) else list(signals)
     blocks = [_as_rows(np.asarray(s["values"], dtype=float), n) for s in listed]
@@ -221,9 +231,9 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
 def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
     """Yield one dict per array length, with the columns in ``found`` that have no time vector.
 
-    ``clocks``: lengths of the file's time vectors. If there are any, arrays of other lengths are
-    ignored. So are arrays of fewer than `MIN_SAMPLES` samples. An array whose name is a column of
-    docs/reference/recording.md is always kept.
+    ``clocks``: lengths of the file's time vectors. If the file has a time vector, the function
+    ignores arrays of other lengths. It also ignores arrays of fewer than `MIN_SAMPLES` samples. It
+    keeps every array whose name docs/reference/recording.md lists.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
     for name, array in found.arrays.items():
