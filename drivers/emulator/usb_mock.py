@@ -1,7 +1,8 @@
 """Driver of ``usb+mock:?hide=…&seed=…``: the rig of ``mock:`` on an emulated USB bus.
 
-The URL takes the options of ``mock:`` but not ``speed`` (a bus runs in real time), and those of
-``usb:``. ``bus=KIND@SECONDS[:FOR_SECONDS]`` adds faults of the bus; see `transport_usb`.
+The URL accepts all options of ``usb:``. It also accepts the options of ``mock:`` except ``speed``,
+because an emulated bus always runs in real time. A further option adds a fault of the bus:
+``bus=KIND@SECONDS[:FOR_SECONDS]`` (see `transport_usb`).
 """
 
 from __future__ import annotations

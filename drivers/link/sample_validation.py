@@ -14,8 +14,8 @@ clock (µs modulo 2³²) and its 32-bit encoder counts. Each accepted sample inc
     device_skipped += (i − i_last) − (n − n_last)      not sampled: device was busy
 
 i counts the stream's sampling instants up to the sample's time (`Instants`); i_last is this count
-for the last accepted sample. The count is exact, because the device's clock gives both time and
-period.
+for the last accepted sample. The device uses the same clock for its sampling instants and for the
+times of its samples. So the count is exact.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Maps the errors of the USB bus to messages: what happened, the likely cause, what to do.
 
-pyusb maps libusb's errors to errno, the same on every system.
+pyusb replaces each error of the library libusb by an errno constant, such as ENODEV. On every
+operating system it uses the same names of constants, so one table of messages is enough.
 """
 
 from __future__ import annotations

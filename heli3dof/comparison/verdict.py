@@ -66,11 +66,12 @@ def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
 
 
 def _rms_over_flights(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
-    """Return {model: root mean square (3,) over the flights, of the model's errors}.
+    """Return {model: root mean square (3,) of the model's errors over the flights}.
 
-    ``table`` has, for each flight, {model: its error (3,)}; an unknown error is None. A model is
-    left out if all its errors are unknown. A flight is left out if the error of any other model is
-    unknown, unless no flight would remain.
+    ``table`` has, for each flight, {model: its error (3,)}; an unknown error is None. The result
+    omits models whose errors are all unknown. The other models are compared on the same flights.
+    These are the flights in which the errors of all these models are known. If there is no such
+    flight, the function uses for each model the flights in which this model's error is known.
     """
     usable = {name for row in table for name, e in row.items() if e is not None}
     common = [r for r in table if all(r.get(name) is not None for name in usable)] or table

@@ -68,8 +68,11 @@ def _rig_quantity(
 
     ``track``: the quantity's values in the flights of this rig. ``siblings``: those of the other
     rigs. ``quantities``: number of quantities, by which the prior probability of a change is
-    divided. The estimate leaves out deviating flights and all flights before the quantity's last
-    step. Of the rest, it uses the flights of ``plan``, or else those of the most frequent plan.
+    divided. ``plan``: name of the preferred flight plan.
+
+    The estimate leaves out all flights before the quantity's last step (sudden change), and all
+    deviating flights (single outliers). Of the remaining flights, it uses those with the flight
+    plan ``plan``. If there are none, it uses those with the most frequent plan.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, variance_prior(siblings)

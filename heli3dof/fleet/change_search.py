@@ -222,13 +222,21 @@ def _most_probable_change(series: _Series, flights: np.ndarray) -> Change | None
 
 
 def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
-    """Return ``steps``, each computed again from the flights between its neighbouring steps.
+    """Return ``steps`` with improved dates and sizes, without the steps that are not confirmed.
 
-    The function repeats this until the dates no longer change. Each step must then meet two
-    conditions: the probability of any change is at least `REPORTED`, and the probability of a step
-    is at least 50 %. The function removes the least probable step that does not meet them, and
-    computes the others again. It ends when all steps meet both conditions, or after `REFINEMENTS`
-    passes per step. ``kept``: the indices of all flights except the deviating ones.
+    The function makes several passes over the steps. Each pass has these stages:
+
+    1. Compute the date, size and probabilities of each step again, from the flights between the
+       previous and the next step.
+    2. If the date of any step has changed, begin the next pass.
+    3. Find the steps that are not confirmed. A step is confirmed if two conditions hold: in its
+       flights, the probability of a change of any kind is at least `REPORTED`, and the probability
+       of a step is at least 50 %.
+    4. If all steps are confirmed, end. Otherwise remove one step that is not confirmed: the one
+       with the smallest probability of a step. Then begin the next pass.
+
+    The number of passes is at most `REFINEMENTS` times the number of ``steps``. ``kept``: the
+    indices of all flights except the deviating ones (single outliers).
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]

@@ -30,11 +30,17 @@ THRUST_GAIN = "thrust_gain_ratio"
 
 @dataclass(frozen=True, eq=False)
 class ChangeGroup:
-    """A change; ``moved`` names the quantities whose estimates changed because of it."""
+    """A change of one quantity of one rig, and the changes of other estimates that it caused.
+
+    Only a change of the thrust gain changes other estimates: a flight determines torques and
+    inertias only relative to the thrust gain.
+    """
 
     track: Track
+    """Values of the changed quantity in the flights of the rig"""
     change: Change
     moved: tuple[str, ...] = ()
+    """Names of the other quantities whose estimates changed because of ``change``"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +132,10 @@ class Fleet(Result):
         ]  # fmt: skip
 
     def differences(self) -> list[tuple[str, Difference]]:
-        """Return (quantity, difference) for each rig that differs, smallest p-value first."""
+        """Return all significant differences of a rig from the other rigs, smallest p-value first.
+
+        Each is a pair: a quantity's name, and the `Difference` of one rig in this quantity.
+        """
         found = [(r.track.quantity, r.difference) for r in self.tracks() if r.difference]
         return sorted(found, key=lambda qd: qd[1].p_value)
 
@@ -163,7 +172,13 @@ class Fleet(Result):
 
 
 def _gain_of(track: Track, change: Change, gains: list[tuple[Track, Change]]) -> Change | None:
-    """Return the change of the thrust gain in ``gains`` that explains ``change``, or None."""
+    """Return the change of a thrust gain that caused ``change`` of another quantity, or None.
+
+    ``track`` contains the values of this other quantity. ``gains`` contains the changes of all
+    rigs' thrust gains, each with the values of the gain. If a rig's gain changes by a factor c, the
+    estimates of its torques and inertias change by 1/c. So both changes must have the same rig,
+    kind and flight. The product of their two factors must be 1 within its 95 % interval.
+    """
     x, std = _log_factor(track, change)
     for other, gain in gains:
         y, its_std = _log_factor(other, gain)

@@ -16,9 +16,13 @@ would only fill the memory with the contents of files."""
 
 @dataclass(frozen=True)
 class Lost:
-    """Replaces the result of an item if several workers ended while they worked on this item."""
+    """Replaces the result of an item if several workers crashed on this item, one after another.
+
+    A worker is a process. It may crash, for example, because the memory is full.
+    """
 
     why: str
+    """What happened, as text for a message"""
 
 
 class Engine(Protocol):

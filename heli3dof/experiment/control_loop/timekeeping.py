@@ -69,15 +69,15 @@ class VirtualDeadlines:
         self.lateness = 0.0
         """s by which the last sample came after its deadline"""
         self.missed = 0
-        """Periods skipped before the last sample because it came or was read too late"""
+        """Periods skipped between the last two samples because the host was too late"""
         self.lost = 0
-        """Periods skipped before the last sample because their samples were lost on the line"""
+        """Periods skipped between the last two samples because samples were lost on the line"""
         self.device_skipped = 0
-        """Periods skipped before the last sample because the device made no samples for them"""
+        """Periods skipped between the last two samples because the device was busy"""
 
     @property
     def skipped(self) -> int:
-        """Return how many periods were skipped before the last sample, for any reason."""
+        """Return how many periods were skipped between the last two samples, for any reason."""
         return self.missed + self.lost + self.device_skipped
 
     def start(self, sample: Sample) -> None:
@@ -164,8 +164,9 @@ class CountedDeadlines(DeviceDeadlines):
 def timekeeper(rig: Rig, dt: float) -> VirtualDeadlines:
     """Return a new object that computes the deadlines and skipped periods of a flight on ``rig``.
 
-    Its class depends on the clock that paces the rig (``Identity.timebase``), and on what the
-    rig's link counts. ``dt``: control period in s.
+    Its class depends on the clock that paces the rig (``Identity.timebase``). If this is the
+    device's clock, the class also depends on whether the rig's link counts lost, device-skipped and
+    stale (outdated) samples separately. ``dt``: control period in s.
     """
     if rig.identity.timebase == "host":
         return HostDeadlines(dt)

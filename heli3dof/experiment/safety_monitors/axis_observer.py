@@ -38,7 +38,7 @@ LONGEST_GAP_S = 0.25
 
 
 class ExpectedAcceleration:
-    """Computes α, the angular acceleration of each axis that the profile's rigid body predicts."""
+    """Computes the angular acceleration α of each axis with the profile's rigid-body model."""
 
     def __init__(self, profile: Profile) -> None:
         g, motor = profile.geometry, profile.motor
@@ -101,7 +101,7 @@ class AxisObserver:
     def step(self, h: float, acceleration: float, measured: float) -> None:
         """Advance by ``h`` (s), then correct the state with the ``measured`` angle (rad).
 
-        ``acceleration``: α (rad/s²), which the rigid body predicts.
+        ``acceleration``: the angular acceleration α (rad/s²) that the rigid-body model predicts.
         """
         if abs(h - self._h) > 0.01 * h:
             m = exp(-self._bandwidth * h)

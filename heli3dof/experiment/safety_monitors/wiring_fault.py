@@ -106,7 +106,11 @@ class Fault(NamedTuple):
 
     @property
     def keeps_on_table(self) -> bool:
-        """Return True if roll cannot read above its rest angle with this fault."""
+        """Return True if, with this fault, the measured roll angle never exceeds the rest angle.
+
+        This is so if the roll encoder counts the wrong way. It is also so if one motor turns the
+        wrong way: the two thrusts then cancel, and the arm stays on the table.
+        """
         return self.sign[0] < 0 or min(min(row) for row in self.mix) < 0
 
 

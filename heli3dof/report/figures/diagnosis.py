@@ -26,9 +26,14 @@ ROOM = 1.35
 
 
 def diagnosis_figure(found: Diagnosis) -> Figure:
-    """Draw the held-out RMSE by axis: refitted simulation, extended model, noise floor.
+    """Draw for each axis the RMSE (°) of predictions `HORIZON_S` s ahead, as three bars.
 
-    Raises UsageError if the recordings could not be fitted.
+    - "refitted simulation": RMSE of the fitted model without the causes
+    - "extended model": RMSE of the fitted model with the causes
+    - "noise floor": RMSE that noise would cause even if the model were correct
+
+    The models predict data to which they were not fitted. Only a diagnosis with ``quick=True`` may
+    have used the fitted data instead. Raises UsageError if the recordings could not be fitted.
     """
     f = found.fitted
     if f is None:

@@ -1,4 +1,4 @@
-"""Write the first screen of the report: questions, each answered by a sentence and a picture.
+"""Write the top of the report: questions, each answered by a sentence and a picture.
 
 A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains,
 and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was, which
@@ -37,7 +37,7 @@ PLAN_COMMAND = re.compile(r"heli3dof (?:run|simulate) (\S+)")
 
 
 def diagnosis_answers(document: Document, data: FigureData, dt: float) -> list[Answer]:
-    """Return the answers on the first screen of a diagnosis' report.
+    """Return the questions and answers at the top of a diagnosis' report.
 
     The questions are how wrong the simulation is, what the cause is, what the extended model gains
     and what to do next. ``data``: the data of the figures. ``dt``: control period in s.
@@ -104,7 +104,7 @@ def _next(document: Document, dt: float) -> Answer | None:
 
 
 def comparison_answers(comparison: Comparison) -> list[Answer]:
-    """Return the answers on the first screen of a comparison's report.
+    """Return the questions and answers at the top of a comparison's report.
 
     The questions are how wrong the simulation is, which model predicts best, and what to do next.
     The pictures show the first recording. If it was compared with no model, the list is empty.

@@ -83,10 +83,12 @@ def flight_report(
 ) -> str:
     """Return the report of ``recordings`` as an HTML document.
 
-    ``models``: as in `heli3dof.comparison.compare.compare`. ``diagnosed`` is the result of
-    `heli3dof.diagnose`. Its replays are drawn for the held-out recordings among ``recordings``; if
-    none was held out, for the fitted ones. ``reproduced`` is the result of
-    `heli3dof.paper.reproduction.reproduce`.
+    ``models``: as in `heli3dof.comparison.compare.compare`. ``reproduced`` is the result of
+    `heli3dof.paper.reproduction.reproduce`. ``diagnosed`` is the result of `heli3dof.diagnose`. If
+    it names causes, a table compares overshoot and steady error in flight with two closed-loop
+    simulations: one without the causes, one with them. The table contains those of ``recordings``
+    that the diagnosis held out. If there are none, it contains those to which the diagnosis fitted
+    its models.
     """
     models = models(recordings[0]) if callable(models) else models
     if isinstance(diagnosed, Diagnosis):
@@ -148,7 +150,11 @@ def _answers(
     identified: Sequence[Identification],
     diagnosed: Diagnosed | None,
 ) -> list[Answer]:
-    """Return the answers of the diagnosis; without one, of the comparison or identifications."""
+    """Return the questions and answers at the top of the report.
+
+    They state the main results of the diagnosis. If there is no diagnosis, they state those of the
+    comparison. If no flight was compared either, they state those of each identification.
+    """
     if diagnosed is not None:
         dt = recordings[0].dt
         return diagnosis_answers(diagnosed.document, diagnosed.data, dt)

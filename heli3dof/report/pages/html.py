@@ -1,4 +1,4 @@
-"""Write a self-contained HTML page: answers on the first screen, then sections of blocks.
+"""Write a self-contained HTML page: questions with answers at the top, then sections of blocks.
 
 The page links to no other file. Its figures are SVG images; where scripts run, a reader can zoom
 them and read values (`heli3dof.report.figures.web`). A block is a string of HTML, with special
@@ -57,11 +57,14 @@ OPTION = re.compile(r"--[a-z-]+")
 
 @dataclass(frozen=True)
 class Answer:
-    """A question of the first screen, answered by a sentence (plain text) and a picture (HTML)."""
+    """A question at the top of an HTML page, with its answer: a sentence and a picture."""
 
     question: str
+    """Plain text"""
     sentence: str
+    """Plain text"""
     picture: str = ""
+    """HTML; empty: no picture"""
 
 
 @dataclass(frozen=True)
@@ -195,7 +198,7 @@ def page(
     answers: Sequence[Answer] = (),
     footer: str = "",
 ) -> str:
-    """Return a complete HTML page; ``answers`` fill its first screen.
+    """Return a complete HTML page: ``answers`` at the top, then ``sections``.
 
     ``title``, ``subtitle``, ``footer``: plain text.
     """

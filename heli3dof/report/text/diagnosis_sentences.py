@@ -407,9 +407,11 @@ def is_counted(finding: Document) -> bool:
 
 
 def is_allowed_for(finding: Document) -> bool:
-    """Return True for a fault of a recording that causes no simulation error.
+    """Return True for a fault of a recording that the simulation takes into account.
 
-    It is known at every sample (`heli3dof.integrity.Fault.allowed_for`).
+    The recording shows such a fault at every sample. So the simulation includes the fault, and the
+    fault causes no simulation error. Examples are lost samples, and jitter that exact time stamps
+    show (`heli3dof.integrity.Fault.allowed_for`).
     """
     return is_counted(finding) or bool(finding.get("allowed_for"))
 
@@ -608,11 +610,14 @@ def model_deviations(document: Document) -> Iterator[str]:
 
 
 def far_inertias(document: Document) -> list[Document]:
-    """Return the calibration's inertias that show a mistake in the profile.
+    """Return the estimated inertias that show a wrong length or mass in the profile.
 
-    They are significantly off, by more than the factor `conclusion.wrong_lengths.FAR`. One that is
-    confounded with another cause, such as an encoder's scale, shows a mistake only if corrected
-    lengths explain it.
+    The result contains their JSON objects from ``calibration``. Such an estimate differs from the
+    profile's inertia significantly, and by more than the factor `conclusion.wrong_lengths.FAR`.
+
+    The recordings may not distinguish a wrong inertia from another cause, such as an encoder's
+    scale. Then the result contains this inertia only if the diagnosis has found corrected lengths
+    with which all estimated inertias agree with the profile.
     """
     is_explained = "corrected_lengths_m" in document.get("about", {})
     confounded = {name_of(f) for f in document["findings"] if f["tied_with"]}

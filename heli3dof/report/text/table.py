@@ -61,7 +61,10 @@ class Grid:
 
 
 class _FittingTable:
-    """The cells of a `Grid`, which rich draws in parts, one below the other, if they are wide."""
+    """The column titles and rows of a `Grid`, as an object that the library ``rich`` can print.
+
+    If the table is wider than the terminal, ``rich`` prints it in parts, one below the other.
+    """
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid

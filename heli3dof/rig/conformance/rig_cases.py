@@ -111,9 +111,11 @@ def a_sample_echoes_the_commands_sequence_and_voltages(bench: Bench) -> None:
 
 
 def _echoed_at_once(host: Host, sent: dict[int, tuple[float, float]]) -> int:
-    """Send `ECHOES` commands; return how many of them the next sample echoed.
+    """Send `ECHOES` commands, one per period; return how many of them were echoed at once.
 
-    ``sent``: sequence number → voltages (V) of the commands sent so far; updated here.
+    A sample echoes a command by its sequence number. A command is echoed at once if the first
+    sample after the command echoes it. ``sent``: sequence number → voltages (V) of the commands
+    sent so far; the function adds its own commands. Raises NotConforming if a sample is wrong.
     """
     at_once = 0
     for k in range(ECHOES):

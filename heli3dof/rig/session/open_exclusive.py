@@ -3,8 +3,9 @@
     with open_rig("serial:///dev/ttyACM0", profile) as rig:
         sample = rig.read()
 
-Every program that moves or reads a rig uses this function. `heli3dof.rig.drivers.open_driver` alone
-does not lock the rig, and ``heli3dof estop`` cannot request a stop from the process that calls it.
+Every command of heli3dof that moves or reads a rig opens it with `open_rig`. A program that instead
+calls `heli3dof.rig.drivers.open_driver` does not lock the rig. ``heli3dof estop`` then cannot
+request a stop from this program; it can only send a stop to the device.
 """
 
 from __future__ import annotations
@@ -53,10 +54,11 @@ def open_rig(
     ramp.
 
     ``device``: the rig's URL. ``doing``: what the session does, for messages; default: the command
-    line. ``also`` returns entries to add to the state that other processes read. ``began_ns``:
-    when the user started the program or the call that moves the rig, in ns on the monotonic clock
-    (default: `heli3dof.rig.session.stop_stamp.command_began_ns`). The opened rig's counts are zero
-    at its rest angles; its ``rest.note`` states what the user should know about this zero.
+    line. ``also`` returns entries to add to the state that other processes read. ``began_ns``: when
+    the user started this program, or in an interactive interpreter this call, in ns on the
+    monotonic clock (default: `heli3dof.rig.session.stop_stamp.command_began_ns`). The opened rig's
+    counts are zero at its rest angles; its ``rest.note`` states what the user should know about
+    this zero.
 
     Raises DeviceError if the rig is missing, not permitted, in use by another session, or without a
     serial number.

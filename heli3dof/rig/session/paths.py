@@ -1,11 +1,20 @@
 """Returns the folders of this user's sessions and calibrations, and file names for a device.
 
-- runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``heli3dof-UID`` in the folder of temporary files
-  (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and running sessions. Its mode is 0700,
-  because a process that can read these files can stop the motors.
-- state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``, on Windows
-  ``%LOCALAPPDATA%\\heli3dof``: the encoder counts at rest of each serial number, and
-  the device URLs at which rigs were opened (`known_devices`).
+The runtime folder contains the locks and the files of running sessions. Its mode is 0700, because a
+process that can read these files can stop the motors. The state folder contains the encoder counts
+at rest of each serial number, and the device URLs at which rigs were opened (`known_devices`). The
+paths in the column "first choice" apply if their variable is set. Otherwise the path depends on the
+operating system:
+
+=======  =============================  ==============================  ==========================
+folder   first choice                   Linux, macOS                    Windows
+=======  =============================  ==============================  ==========================
+runtime  ``$XDG_RUNTIME_DIR/heli3dof``  ``$TMPDIR/heli3dof-UID``, else  ``%TEMP%\\heli3dof``
+                                        ``/tmp/heli3dof-UID``
+state    ``$XDG_STATE_HOME/heli3dof``   ``~/.local/state/heli3dof``     ``%LOCALAPPDATA%\\heli3dof``
+=======  =============================  ==============================  ==========================
+
+UID is the user's number.
 """
 
 from __future__ import annotations

@@ -54,9 +54,10 @@ class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
     ``private``: True if the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: when the user started the program or the call that uses the rig, in ns
-    on the monotonic clock (default: `heli3dof.rig.session.stop_stamp.command_began_ns`). Raises
-    DeviceError, naming the other session, if another session holds the rig.
+    messages. ``began_ns``: when the user started this program, or in an interactive interpreter the
+    present function call, in ns on the monotonic clock (default:
+    `heli3dof.rig.session.stop_stamp.command_began_ns`). Raises DeviceError, naming the other
+    session, if another session holds the rig.
     """
 
     def __init__(
@@ -121,10 +122,15 @@ class Session:
     def begin_to_arm(self) -> str | None:
         """Return None if the rig may be armed now, else the reason of the stop that forbids it.
 
-        Two kinds of emergency stop forbid arming. A client may have requested the stop from this
-        session. Or the stop came after the user had started the program or the call that uses the
-        rig (`session.stop_stamp`). A stop may also come during an attempt to arm. So call this
-        method before and after each attempt, and stop the rig if the result is not None.
+        Two kinds of emergency stop forbid arming:
+
+        - A client requested the stop from this session.
+        - The stop was stored after the user had started this program (`session.stop_stamp`). In an
+          interactive interpreter, the start of the present function call counts instead. In a
+          server, the start of the present request counts.
+
+        A stop may also come during an attempt to arm. So call this method before and after each
+        attempt, and stop the rig if the result is not None.
         """
         with self._deciding:
             if self.stop_reason is None:
