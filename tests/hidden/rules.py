@@ -90,8 +90,8 @@ RULES = (
     ),
     Rule(
         "… and stand out of coloured noise",
-        DIAGNOSIS + "conclusion.adoption:coloured_noise_margin",
-        _always(float("inf")),
+        DIAGNOSIS + "conclusion.adoption:is_coloured_noise",
+        _always(False),
     ),
     Rule(
         "… and exceed one count", DIAGNOSIS + "conclusion.adoption:within_a_count", _always(False)

@@ -21,7 +21,8 @@ Even if a condition holds, a cause is dropped for any of these reasons:
   encoder's rounding (`worsens`).
 - Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`search.nulls`). Z is
   the cause's standardised score in the score test. ρ is the factor by which coloured noise
-  increases the variance of this score (`bias_correction.coloured_noise`).
+  increases the variance of this score (`bias_correction.coloured_noise`). For a torque that starts
+  at an unknown instant, such as an added mass's, `conclusion.step_in_noise` is this test.
 - An encoder error of at most one count explains the data equally well (`within_a_count`).
 
 If no flights could be simulated, the likelihood may be biased. A cause must then also meet two
@@ -50,6 +51,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_SI
+from heli3dof.diagnosis.conclusion.step_in_noise import step_margin
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
@@ -152,31 +154,27 @@ def adopted(
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
         gains = [gain(before, after, seed=seed) for before in befores]
-        margins = [0.0 if within_a_count(fit, c) else coloured_noise_margin(fit, c) for c in kept]
+        noise = [noise_like(fit, r, c, seed=seed) for c, r in zip(kept, reduced, strict=True)]
         against = [
-            objection(fit, c, g, m, first=i == 0)
-            for i, (c, g, m) in enumerate(zip(kept, gains, margins, strict=True))
+            noise[i] or objection(fit, c, g, first=i == 0)
+            for i, (c, g) in enumerate(zip(kept, gains, strict=True))
         ]
         failing = [i for i, why in enumerate(against) if why]
         if not failing:
             findings = _findings(fit, kept, reduced, gains)
             return AdoptionResult(fit, findings, tuple(dropped), after)
-        worst = min(failing, key=lambda i: (min(margins[i], 1.0), log_likelihood_gain(gains[i])))
+        worst = min(failing, key=lambda i: (not noise[i], log_likelihood_gain(gains[i])))
         cause = kept.pop(worst)
         dropped.append(Dropped(cause.term.name, gains[worst], against[worst], choice=cause))
         fit = reduced[worst]
 
 
-def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
-    """Return the reason to drop the cause ``choice``, or "" to adopt it.
+def objection(fit: CorrectedFit, choice: Choice, g: Gain, *, first: bool) -> str:
+    """Return the reason why held-out data do not confirm the cause ``choice``, or "".
 
     ``g``: gain of the cause on held-out data. ``first``: True for the cause that the search found
-    first. A ``margin`` of 0 means that an encoder error of one count explains the data equally well
-    (`within_a_count`). Otherwise ``margin`` is the `coloured_noise_margin`; below 1, coloured noise
-    may explain the data.
+    first.
     """
-    if margin < 1:
-        return COLOURED if margin > 0 else WITHIN_A_COUNT
     profile = fit.structure.profile
     if not meets_adoption_condition(choice, g, first=first) or worsens(g, profile):
         return DOES_NOT_PAY
@@ -204,17 +202,35 @@ def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) ->
     return parallel_map(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 
-def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
-    """Return Z²/ρ divided by the threshold of Z²; below 1, the cause may be coloured noise.
+def noise_like(fit: CorrectedFit, reduced: CorrectedFit, choice: Choice, *, seed: int) -> str:
+    """Return which noise explains the data as well as the cause ``choice``, or "".
 
-    Z is the cause's standardised score, ρ the factor by which coloured noise increases its
-    variance. The result is infinite without coloured noise, and if the effect is part of the rigid
-    body's equations (`Effect.of_base`).
+    It may be an encoder error of at most one count (`within_a_count`) or coloured noise
+    (`is_coloured_noise`). ``reduced``: the fit without the cause.
     """
-    if choice.term.effect.of_base:
-        return math.inf
+    if within_a_count(fit, choice):
+        return WITHIN_A_COUNT
+    return COLOURED if is_coloured_noise(fit, reduced, choice, seed=seed) else ""
+
+
+def is_coloured_noise(
+    fit: CorrectedFit, reduced: CorrectedFit, choice: Choice, *, seed: int
+) -> bool:
+    """Return whether coloured noise explains the data as well as the cause ``choice``.
+
+    For a torque that starts at an unknown instant, the test is `step_margin` on the fit without the
+    cause, ``reduced``. For any other cause, Z²/ρ must reach the threshold of Z². Z is the cause's
+    standardised score, ρ the factor by which coloured noise increases its variance. The result is
+    False for effects that are part of the rigid body's equations (`Effect.of_base`).
+    """
+    effect = choice.term.effect
+    if effect.of_base:
+        return False
+    if effect.scan == "instant":
+        axis = choice.term.axis
+        return step_margin(reduced, 0 if axis is None else AXES.index(axis), seed=seed) < 1
     rho = float(fit.coloured_noise_factor[first_parameters(fit.free)[choice.term.name]])
-    return math.inf if rho <= 1 else choice.candidates[0].statistic / rho / choice.threshold
+    return rho > 1 and choice.candidates[0].statistic / rho < choice.threshold
 
 
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:

@@ -12,7 +12,7 @@ import pytest
 from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import (
     adopted,
-    coloured_noise_margin,
+    is_coloured_noise,
     meets_adoption_condition,
     size_confidence,
     within_a_count,
@@ -120,11 +120,20 @@ def found_with(rho: float) -> Any:
     return SimpleNamespace(free=free, coloured_noise_factor=[9.0, rho])
 
 
-def test_coloured_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
+def test_coloured_noise_lowers_a_cause_s_squared_score() -> None:
     drag = replace(choice(60.0, (), drag__quadratic__yaw=60.0), threshold=20.0)
-    assert coloured_noise_margin(found_with(1.5), drag) == pytest.approx(2.0)
-    assert coloured_noise_margin(found_with(6.0), drag) == pytest.approx(0.5)
-    assert coloured_noise_margin(found_with(1.0), drag) == float("inf")
+    assert not is_coloured_noise(found_with(1.5), NONE, drag, seed=0)  # 60/1.5 = 40 > 20
+    assert is_coloured_noise(found_with(6.0), NONE, drag, seed=0)
+    assert not is_coloured_noise(found_with(1.0), NONE, drag, seed=0)
+
+
+@pytest.mark.parametrize(("margin", "is_noise"), [(0.9, True), (1.1, False)])
+def test_a_change_of_mass_must_be_a_larger_step_than_coloured_noise_has(
+    monkeypatch: pytest.MonkeyPatch, margin: float, is_noise: bool
+) -> None:
+    monkeypatch.setattr(adoption, "step_margin", lambda fit, axis, *, seed: margin)
+    mass = choice(1443.0, (), mass__change=1443.0)
+    assert is_coloured_noise(NONE, NONE, mass, seed=0) == is_noise
 
 
 OFFSET, BACKLASH, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"
@@ -218,6 +227,7 @@ def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     monkeypatch.setattr(adoption, "held_out", lambda fit, holdout: fit)
     monkeypatch.setattr(adoption, "without", without)
     monkeypatch.setattr(adoption, "gain", gain)
+    monkeypatch.setattr(adoption, "step_margin", lambda fit, axis, *, seed: 9.0)
     monkeypatch.setattr(adoption, "_findings", lambda fit, kept, less, gains: tuple(kept))
     backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
     both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)

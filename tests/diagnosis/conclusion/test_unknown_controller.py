@@ -71,7 +71,7 @@ def test_only_a_cause_without_simulated_flights_needs_better_predictions(
     simulated: bool, why: str
 ) -> None:
     fit, found = fit_of(simulated=simulated), cause("friction.coulomb.roll")
-    assert objection(fit, found, lowers("roll", 0.001, 0.0005), 5.0, first=True) == why
+    assert objection(fit, found, lowers("roll", 0.001, 0.0005), first=True) == why
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_without_simulated_flights_nothing_is_asserted_of_an_axis_with_an_implau
     name: str, lowered: str, implausible: tuple[str, ...], simulated: bool, why: str
 ) -> None:
     fit = fit_of(*implausible, simulated=simulated)
-    assert objection(fit, cause(name), lowers(lowered, 0.3, 0.2), 5.0, first=True) == why
+    assert objection(fit, cause(name), lowers(lowered, 0.3, 0.2), first=True) == why
 
 
 @pytest.mark.parametrize(("hide", "names"), [("inertia.pitch:1.4", ["inertia.pitch"]), ("", [])])
