@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.errors import Heli3dofError, RecordingError, UsageError, quoted
 from heli3dof.file_kind import no_file
 from heli3dof.plugins import must_be
@@ -110,12 +111,14 @@ def recording_of(
     """
     files = _files(paths)
     first, *others = (_digest(path) for path in files)
+    # The advice how to correct an angle is an expression of this column, in its unit.
+    in_rad = {name: name for name in (f"{axis}_rad" for axis in AXES) if name in table.columns}
     meta = provenance(
         source="import",
         name="+".join(stem(path) for path in files),
         log=first,
         more_logs=others or None,
-        log_mapping=dict(table.origins) or None,
+        log_mapping={**in_rad, **table.origins} or None,
     )
     del meta["started_utc"]  # the time of the import is not the time of the flight
     assert table.profile is not None

@@ -12,6 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.integrity.remedies import column_of
 from heli3dof.recording.load import load
 from heli3dof.recording.logs.import_log import import_log, read_log
 from heli3dof.recording.write import write_recording
@@ -70,6 +71,7 @@ def test_radians_are_accepted_for_degrees(tmp_path: Path) -> None:
     r = import_log(write(tmp_path, data), PROFILE)
     np.testing.assert_allclose(r.angle, flight(1500).angle, rtol=0, atol=1e-12)
     assert r.meta["warnings"] == []
+    assert column_of(r, "pitch") == ("pitch_rad", "pitch_rad")  # a remedy is in radians, too
 
 
 @pytest.mark.parametrize(
