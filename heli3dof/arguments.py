@@ -246,7 +246,10 @@ def _path(name: str, value: Any, given: Given) -> Any:
 
 
 def _each(check: Conversion) -> Conversion:
-    """Return the check of an argument that is one object or several: ``check`` of each of them."""
+    """Return a conversion for an argument that is one object or several objects.
+
+    The conversion calls ``check`` for each object, and returns the argument unchanged.
+    """
 
     def checked(name: str, value: Any, given: Given) -> Any:
         for element in _several(value):

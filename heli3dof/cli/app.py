@@ -84,8 +84,9 @@ class Verbs(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return a subcommand's name, the subcommand and its arguments.
 
-        If there is none of this name, the error names those whose help contains the word, else
-        those with a similar name.
+        ``args``: the subcommand's name and its arguments. If no subcommand has this name, the error
+        suggests the subcommands whose help text contains the name as a word. If there are none, the
+        error suggests the subcommands with a similar name.
         """
         word = args[0]
         if word not in self.commands and not word.startswith("-"):

@@ -46,7 +46,8 @@ def compare(
         bool,
         typer.Option(
             "--identify-controller",
-            help="Identify the controller of logs whose profile has none, and replay them.",
+            help="If a log's profile has no controller, identify it from the log, and simulate "
+            "the flight in closed loop with it.",
         ),
     ] = False,
     paper: PaperNumbers = False,

@@ -88,7 +88,8 @@ def submit(
         typer.Option(
             "--cause",
             metavar="NAME=VALUE±HALF",
-            help="Your own claim with its 95 % interval, or none. Repeatable.",
+            help="Your own claim: a hidden effect, its value and 95 % interval. The claim 'none' "
+            "means that the rig has no hidden effect. Repeatable.",
         ),
     ] = None,
     confidence: Annotated[

@@ -37,8 +37,8 @@ def identify(
         str,
         typer.Option(
             help="Physical: greybox (maximum likelihood), freeflight (3 s predictions). Black "
-            "boxes: pem, pbsid, oe. tf4: the paper's transfer functions. Also those of installed "
-            "packages."
+            "boxes: pem, pbsid, oe. The paper's transfer functions: tf4. Installed packages may "
+            "add methods."
         ),
     ] = "greybox",
     order: Annotated[

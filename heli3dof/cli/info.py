@@ -37,7 +37,7 @@ def info(
 ) -> None:
     """Show what a recording contains: outcome, angles, the steps' overshoot and rise time, source.
 
-    The JSON document lists all steps of each axis under the key steps.
+    The entry "steps" of the JSON document lists all steps of each axis.
     Example: heli3dof info rec.mcap
     """
     from heli3dof.comparison.document import steps_document

@@ -61,11 +61,15 @@ def monitor(
 def _source(
     out: Output, device: str | None, profile_file: Path | None
 ) -> Iterator[tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]]:
-    """Context manager: yield a function that returns the rig's next reading, and a dict.
+    """Context manager: yield the pair ``read, about``.
 
-    The dict contains entries of the command's JSON document. If another process uses the rig, the
-    function requests each reading from that process, and returns None once the process has ended.
-    Otherwise the context manager opens the rig, and closes it at the end of the ``with`` block.
+    ``read`` is a function that returns the rig's next reading. ``about`` is a dict for the JSON
+    document: the device's URL, and the id and the activity of the other process that uses the rig.
+    If no other process uses the rig, id and activity are None.
+
+    If another process uses the rig, ``read`` requests each reading from that process. It returns
+    None once that process has ended. If no other process uses the rig, the context manager opens
+    the rig, and closes it at the end of the ``with`` block.
     """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
@@ -100,8 +104,8 @@ def _source(
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
     """Return the newest of ``sessions`` (processes that use the device); None if there is none.
 
-    ``device``: URL, or None for any device. If it is an emulated rig with options, only sessions
-    whose URL has all these options count.
+    ``device``: URL, or None for any device. If the URL of an emulated rig contains options, the
+    function considers only the sessions whose URL contains all these options.
     """
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.url import parse_url

@@ -143,8 +143,9 @@ class Output:
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
     """Context manager: yield a function that displays the present stage of a computation.
 
-    On a terminal a spinner shows the text. Without one, each text is printed as a line, except
-    counts such as "Screening … flights: 31 of 64". With ``--quiet`` nothing is shown.
+    On a terminal, a spinner shows the text. If stderr is not a terminal, the function prints each
+    text as a line, but leaves out counts such as "Screening … flights: 31 of 64". With ``--quiet``,
+    the function shows nothing.
     """
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)

@@ -51,7 +51,10 @@ def new(
     output: OutputFile = None,
     force: Force = False,
 ) -> None:
-    """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
+    """Write a commented profile: heli3dof profile new -o rig.toml.
+
+    The command asks for the required values that neither --set nor --from gives.
+    """
     from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys
     from heli3dof.recording.atomic_write import check_outputs, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
@@ -108,7 +111,7 @@ def new(
 
 @verb
 def show(out: Output, file: File = None) -> None:
-    """Show every number of a profile with its unit, derived quantities and stability margins."""
+    """Show a profile's numbers with units, then derived quantities and stability margins."""
     from rich.table import Table
 
     from heli3dof.toml_file import key_of, keys, value_at

@@ -1,9 +1,9 @@
 """Check that angles are in radians and on the grid of the profile's encoder.
 
-An encoder with N counts per revolution reads multiples of 2π/N rad, its grid. An angle on the grid
-of another encoder is bad data: the controller and the noise model of a diagnosis use the profile's
-steps. If an angle is on no grid, the check reports only a note (the mildest kind of fault), because
-the log may contain filtered or simulated angles.
+An encoder with N counts per revolution reads multiples of 2π/N rad, its grid. If an angle is on the
+grid of an encoder with another N, the check reports bad data: the controller and the noise model of
+a diagnosis use the N in the profile. If an angle is on no grid, the check reports only a note (the
+mildest kind of fault), because the log may contain filtered or simulated angles.
 
 The check ``encoder.counts`` may report that an angle is wrong by a factor. In this case `grids`
 does not report another encoder's grid, because the corrected angle has a different grid.
@@ -55,8 +55,9 @@ def angles(view: View) -> Iterable[Fault]:
 def grids(view: View) -> Iterable[Fault]:
     """Yield a fault for each angle that is not on the grid of the profile's encoder.
 
-    The grid of an encoder with N counts per revolution consists of the multiples of 2π/N rad. An
-    angle on the grid of another encoder is bad data. An angle on no grid is only a note.
+    The grid of an encoder with N counts per revolution consists of the multiples of 2π/N rad. If
+    the angle is on the grid of an encoder with another N, the fault is bad data. If the angle is on
+    no such grid, the fault is only a note.
     """
     r = view.recording
     for i in _axes_to_check(view):
@@ -87,9 +88,10 @@ def grids(view: View) -> Iterable[Fault]:
 def _axes_to_check(view: View) -> list[int]:
     """Return the indices of the axes that `angles` and `grids` check.
 
-    The list is empty if fewer than 20 rows have finite values. It leaves out an axis whose angle
-    has 1 to `FEW` jumps, because the test of the unit would take these jumps for a wrong unit. It
-    includes an axis with more jumps, because a wrong unit may cause them.
+    A jump is a change of the angle between two rows that is too large for a real motion. An axis
+    with 1 to `FEW` jumps is left out: only a few rows are faulty, but the test of the unit would
+    report a wrong unit. An axis with more jumps is checked, because a wrong unit makes many changes
+    too large. The list is empty if fewer than 20 rows have finite values.
     """
     if view.finite_rows.sum() < 20:
         return []

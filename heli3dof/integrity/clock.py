@@ -6,7 +6,8 @@ Or the log is decimated or repeats samples, which is only a note. The time stamp
 of these holds:
 
 - Neither m nor 1/m is nearly an integer.
-- The motion fits the profile's period better than the stamps' period: |ln g + 2 ln m| < |ln g|.
+- The measured accelerations fit the profile's period better than the period of the time stamps:
+  |ln g + 2 ln m| < |ln g|.
 
 `View.responses` gives the acceleration that the voltages cause on an axis, as a multiple of the
 profile's prediction. g is the median of these multiples over the axes. Accelerations scale with
@@ -97,9 +98,12 @@ def rate(view: View) -> Iterable[Fault]:
 
 
 def _clock_is_wrong(view: View, m: float) -> bool:
-    """Return True if the motion fits the profile's period better than the time stamps' period.
+    """Return True if the measured accelerations show that the time stamps are wrong.
 
-    ``m``: the time stamps' period, divided by the profile's period.
+    ``m``: sampling period of the time stamps, divided by the control period in the profile. g is
+    the acceleration that the voltages cause, divided by the profile's prediction (median over the
+    axes). With right time stamps, g is about 1. With wrong time stamps, g is about 1/m². The result
+    is True if ln g is closer to ln(1/m²) than to 0. It is False if no axis has a reliable g.
     """
     gains = [x.gain for x in view.responses.values() if x.t > SURE and x.explained > EXPLAINED]
     if not gains:

@@ -1,5 +1,8 @@
 """Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
+The check has three methods: motion, grid and references. It uses them in this order, until one of
+them finds a swap.
+
 **Motion.** `response` fits a model of the motion to each axis. It estimates the response g: the
 acceleration that the voltages cause, divided by the profile's prediction. R² is the coefficient of
 determination of this fit. An axis is
@@ -8,32 +11,35 @@ determination of this fit. An axis is
 * *consistent* if |g| is within `RANGE`, |g| exceeds `SURE` standard deviations, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
-The check selects the inconsistent axes and searches for a swap that explains their motion. If a
-voltage's column is constant, it may contain another signal, such as a constant reference. In this
-case the check selects all driven axes. It tries each pair of columns that can affect a selected
-axis. A swap becomes a candidate if both of these hold:
+The check first selects axes. Normally, it selects the inconsistent axes. If a voltage's column is
+constant, the column may contain another signal, such as a constant reference. Then the check
+selects all driven axes.
+
+The check then exchanges two columns at a time. It tries each pair that contains a voltage or the
+angle of a selected axis. The pair is a candidate if the exchange has both of these effects:
 
 * At least one selected axis becomes consistent, and the R² of this axis increases.
 * No other axis becomes inconsistent.
 
 M measures how well a log agrees with the profile. It is a sum over the driven axes:
 
-    M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
+    M = Σ R² exp(−½ (ln |g|)² / `USUAL`²)
 
 The check reports the candidate with the largest M if both of these hold:
 
-* The swap increases M by at least `BETTER`.
-* A change of one voltage's sign, without the swap, does not give a larger M.
+* The exchange increases M by at least `BETTER`.
+* A change of one voltage's sign, without the exchange, does not give a larger M.
 
-**Grid.** Otherwise, the check uses the encoder's grid: the multiples of one count. It reports an
-angle and a reference as swapped if only the reference is on the grid of the angle's encoder.
+**Grid.** The grid of an encoder consists of the multiples of one count. The check reports an angle
+and a reference as swapped if only the reference is on the grid of the angle's encoder.
 
-**References.** Otherwise, the check reports the references of two axes a and b as swapped if axis a
-follows the reference of b. ρ is the correlation of an angle and a reference in flight:
+**References.** The check reports the references of two axes a and b as swapped if axis a follows
+the reference of b. ρ is the correlation of an angle and a reference in flight:
 
     ρ(a, ref_b) > `FOLLOWS`,   ρ(a, ref_a) < `IGNORES`,   ρ(b, ref_b) < `IGNORES`
 
-`directions` reports swapped motors, which have the effect of a wrong sign.
+The check does not exchange the two voltages. Swapped motors have the effect of a wrong sign, and
+`directions` reports them.
 """
 
 from __future__ import annotations
@@ -112,7 +118,8 @@ def is_consistent(x: Response) -> bool:
 def inconsistent(responses: dict[str, Response]) -> set[str]:
     """Return the axes that the voltages drive, but whose motion the voltages do not explain.
 
-    ``responses``: {axis: its response to the voltages}.
+    ``responses``: {axis: its response g to the voltages}. g is the acceleration that the voltages
+    cause, divided by the profile's prediction.
     """
     driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
     return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
@@ -127,8 +134,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
     ``responses``: {axis: its response g to the voltages}. g is the acceleration that the voltages
     cause, divided by the profile's prediction. R² is the share of the axis' motion that the fit of
-    g explains. An axis is driven if the predicted acceleration exceeds `DRIVEN`. M is the sum of
-    R² exp(−½ (ln |g| / `USUAL`)²) over the driven axes.
+    g explains. An axis is driven if the predicted acceleration exceeds `DRIVEN`. M is a sum over
+    the driven axes:
+
+        M = Σ R² exp(−½ (ln |g|)² / `USUAL`²)
     """
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(

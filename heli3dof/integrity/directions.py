@@ -2,8 +2,8 @@
 
 The front and back voltages have the sum S and the difference D. The profile predicts accelerations
 u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured accelerations are g u,
-with g = 1 on a rig like its profile (`response`). h is the hover voltage in flight, divided by the
-profile's V_o (`View.hover_ratio`).
+with g = 1 on a rig like its profile (`response`). V_o is the hover voltage in the profile. h is the
+hover voltage in flight, divided by V_o (`View.hover_ratio`).
 
     roll's sign wrong        g_r < 0
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)

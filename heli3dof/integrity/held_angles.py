@@ -15,7 +15,10 @@ from heli3dof.recording.logs.held_angles import HELD_CAUSE, held_angles_clause, 
 
 
 def held(view: View) -> Iterable[Fault]:
-    """Yield a fault if the log repeats the readings of an angle, but not whole rows."""
+    """Yield a fault if the log repeats each encoder reading of an angle in several successive rows.
+
+    If the log repeats whole rows, `repeated` reports this, and the function yields nothing.
+    """
     r, axes = view.recording, view.held_axes
     if not axes or any(repeated(view)):
         return

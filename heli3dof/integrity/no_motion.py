@@ -1,11 +1,13 @@
 """Report recordings without usable motion as not identifiable.
 
-The first of these conditions that holds is reported:
+The check reports the first of these conditions that holds:
 
-1. No angle was recorded, or none moves by `COUNTS` counts.
-2. The voltage stays below `OFF` times v_max, so the motors did not cause the motion.
-3. Roll starts on the table (below `ON_TABLE_BELOW`) and does not rise by `LIFTED`. This is only a
-   note if another axis moves by `MOVES`.
+1. No angle was recorded, or no angle changes by `COUNTS` encoder counts.
+2. The voltages stay below `OFF` times the amplifier's limit v_max. So the motors did not cause the
+   motion.
+3. The arm stays on the table: the roll angle starts below `ON_TABLE_BELOW` and does not increase by
+   `LIFTED`. If another angle changes by `MOVES`, the check reports condition 3 only as a note (the
+   mildest kind of fault), because the recording contains usable motion.
 """
 
 from __future__ import annotations

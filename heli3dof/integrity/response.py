@@ -107,10 +107,12 @@ def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Pro
 def responses(
     recording: Recording, usable: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Return {axis: its response to the voltages}, from time windows in which all rows are usable.
+    """Return {axis: its response g to the voltages}, with each g as a `Response`.
 
-    ``usable`` (N,) bool: the usable rows; ``number`` (N,): each row's sample number, which also
-    counts lost samples; ``period_s``: sampling period. Axes that no voltage drives are left out.
+    g is the acceleration that the voltages cause, divided by the profile's prediction of it. The
+    estimate uses only time windows in which all rows are usable. ``usable`` (N,) bool: the usable
+    rows; ``number`` (N,): each row's sample number, which also counts lost samples; ``period_s``:
+    sampling period. Axes that no voltage drives are left out.
     """
     angle, voltage, ok = _evenly_sampled(recording, usable, number)
     u = predicted_accelerations(angle, voltage, recording.profile)
@@ -198,12 +200,15 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,), and one more if the trim torque changes in flight.
+    """Return the regressors X (W, n), and one more if the trim torque changes in flight.
 
-    W is the number of time windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the
-    windows' middles, s. The further regressor is ``trim`` after the instant of the change, and zero
-    before it. The function selects the instant whose regressor reduces the residual sum of squares
-    most. It adds this regressor if the reduction exceeds the share `STEP` of this sum.
+    The regression z = X c models the mean acceleration z (W,) of an axis in each of W time windows.
+    The trim torque is the torque of gravity, or another nearly constant torque. ``trim`` (W,): its
+    regressor, a column of X; ``t`` (W,): the middle of each window, s.
+
+    The additional regressor equals ``trim`` after the instant of the change, and zero before it.
+    The function selects the instant at which this regressor reduces the residual sum of squares
+    most. It adds the regressor if the reduction exceeds the share `STEP` of this sum.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):
@@ -220,10 +225,12 @@ def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> 
 
 
 def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
-    """Return the response g, the first coefficient in X c = z, estimated by ridge regression.
+    """Return an axis' response g to the voltages, estimated by ridge regression.
 
-    X (W, n) are the regressors of z (W,) in W time windows. The result is None if no voltage drives
-    the axis, or if the axis rests.
+    The regression z = X c models the mean acceleration z (W,) of the axis in each of W time
+    windows. X (W, n) contains the regressors, c (n,) the coefficients. The first regressor is the
+    acceleration that the voltages cause according to the profile, so its coefficient is g. The
+    result is None if no voltage drives the axis, or if the axis does not move.
     """
     drive = float(np.std(X[:, 0]))
     spread = float(np.std(z))

@@ -1,4 +1,4 @@
-"""Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
+"""Report an encoder's wrong number of counts per revolution, and a wrong gain of the amplifier.
 
 `response` estimates each axis' response g to the voltages: the acceleration that they cause,
 divided by the profile's prediction. Let encoder i read k_i times the true angle, and let the thrust
@@ -27,16 +27,19 @@ counterweight.
 * The check reports the hypothesis with the smallest χ² if this χ² ≤ `FITS`, and every other χ² is
   larger by at least `MARGIN`. If the logged angle changes in steps of k counts of the profile's
   encoder, these steps also show a wrong k. Then half of `MARGIN` is enough.
-* Without such steps, k = 2 has the same effect as half the inertia, and k = ½ the same effect as
-  twice the inertia. The check therefore reports k = 2 and k = ½ without such steps as a note.
-* If pitch's response is not reliable, a factor k of yaw's encoder has the same effect as a factor
-  1/k of pitch's encoder. The check then names both causes and reports bad data, whatever k is.
-* In all other cases, the check reports a wrong k as bad data.
 
-**Amplifier.** If the motors get K times the logged voltages, g = K on every axis, and h = 1/K. The
-check yields bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does
-not. Smaller deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V); the
-diagnosis reports them as ``motor.thrust_gain``. h = 3 with g = 1 shows another counterweight
+The check reports a wrong k as bad data. There are two special cases:
+
+* If the response of pitch is not reliable, a factor k of yaw's encoder has the same effect as a
+  factor 1/k of pitch's encoder. The check then names both causes.
+* Half the inertia has the same effect as k = 2, and twice the inertia the same effect as k = ½. So
+  the check reports k = 2 or k = ½ only as a note (the mildest kind of fault). It reports bad data
+  if the steps of the angle show k, or in the first special case.
+
+**Amplifier.** If the motors get K times the logged voltages, then g = K on every axis and h = 1/K.
+The check reports bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h
+does not. Smaller deviations of K are usual: thrust gains of one type of rig are 0.13 … 0.22 N/V.
+The diagnosis reports them as ``motor.thrust_gain``. h = 3 with g = 1 shows another counterweight
 (``mass.imbalance``).
 """
 
@@ -91,12 +94,13 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ², which measures how badly assumed encoder factors k explain the responses g.
+    """Return χ², the misfit between estimated responses g and those that a hypothesis predicts.
 
     The response g of an axis is the acceleration that the voltages cause, divided by the profile's
-    prediction. k is an encoder's reading, divided by the true angle. ``log_g``: {axis: ln g};
-    ``log_k``: {axis: ln k}, with ln k = 0 for an axis that is not listed. ``h``: hover voltage in
-    flight, divided by the profile's; None if unknown. The module's docstring gives the equation.
+    prediction. The hypothesis is a set of encoder factors k. k is an encoder's reading, divided by
+    the true angle. ``log_g``: {axis: ln g}; ``log_k``: {axis: ln k}, with ln k = 0 for an axis that
+    is not listed. ``h``: hover voltage in flight, divided by the profile's; None if unknown. The
+    module's docstring gives the equation.
     """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:

@@ -100,15 +100,15 @@ class View:
 
     @cached_property
     def responses(self) -> dict[str, Response]:
-        """Return {axis: its response to the voltages}, of measured axes that the voltages drive.
+        """Return {axis: its response g to the voltages}, with each g as a `Response`.
 
-        A `Response` has the acceleration that the voltages cause, divided by the profile's
-        prediction.
+        g is the acceleration that the voltages cause, divided by the profile's prediction. Axes
+        that were not measured, or that no voltage drives, are left out.
         """
         return self.responses_to(self.recording)
 
     def responses_to(self, recording: Recording) -> dict[str, Response]:
-        """Return {axis: its response to the voltages of ``recording``}.
+        """Return {axis: its response g to the voltages of ``recording``}, as `responses` does.
 
         ``recording`` is a copy of the view's recording with other voltages.
         """

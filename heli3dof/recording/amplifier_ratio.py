@@ -1,11 +1,14 @@
-"""Warns of an amplifier whose output voltages are not the commanded ones.
+"""Warns of an amplifier whose output voltages differ from the commanded voltages.
 
-For each motor, in each second of samples in closed loop::
+The module divides the closed-loop part of a recording into intervals of 1 s. For each motor and
+each interval, it computes::
 
     ratio = mean of the output voltage / mean of the commanded voltage
 
-The safety monitor of the output voltages ends a flight only at a much larger error: a loaded supply
-and the error of a measured output are no reason to drop the arm.
+It warns if a ratio differs from 1 by more than `LARGEST_ERROR`. The safety monitor
+`amplifier_output` ends a flight only at a much larger error. A smaller error has harmless causes: a
+loaded supply, or an inaccurate measurement of the output. It does not justify the end of the
+flight, because the arm then falls.
 """
 
 from __future__ import annotations

@@ -66,9 +66,12 @@ def _pairs(
 def _shared_span(one: Recording, other: Recording) -> tuple[float, float] | None:
     """Return the first and last time (s) of the samples that both recordings contain, or None.
 
-    Samples at equal times are compared. Two emulated flights with one seed are equal until their
-    plans differ. So equal samples at the start of both recordings do not count, unless one of the
-    recordings ends with them.
+    The function compares samples at equal times. It returns the first series of consecutive equal
+    samples in which an angle changes at least `CHANGES` times.
+
+    Two emulated flights with one seed are equal at the start, until their plans differ. Therefore
+    the function ignores equal samples at the start of both recordings if different samples follow.
+    It does not ignore them if one recording ends before the first difference.
     """
     times, i, j = np.intersect1d(rounded(one.t), rounded(other.t), return_indices=True)
     equal = np.ones(len(times), dtype=bool)

@@ -37,10 +37,11 @@ LISTED = 8
 class Recording(Result):
     """A flight: arrays over N samples, the rig's profile and the provenance.
 
-    All arrays are read-only, so that no calculation changes a recording: ``angle = r.angle.copy()``
-    gives an array to change, and `make_recording` a recording of it. Columns that were not logged
-    contain only NaN. ``axes``, ``has_reference`` and ``has_cmd``
-    (voltage before the limiter) state which were logged.
+    All arrays are read-only, so that no calculation changes a recording. To change an array, copy
+    it (``angle = r.angle.copy()``), and make a new recording with `make_recording`. Columns that
+    were not logged contain only NaN. ``axes`` lists the axes whose angles were logged.
+    ``has_reference(axis)`` is True if the reference of an axis was logged. ``has_cmd`` is True if
+    the voltages before the limiter were logged.
     """
 
     t: FloatArray
@@ -185,11 +186,13 @@ class Recording(Result):
 
     @property
     def controller_input(self) -> FloatArray:
-        """Return the voltages (N, 2) in V (front, back) that are added to the control law's.
+        """Return the voltages (N, 2) in V to add to the controller's output in a simulation.
 
-        For an identified controller, it is the input w of `LinearController`: references,
-        excitation, and what the law does not explain. Otherwise it is ``voltage_extra``, the
-        voltage added by the experiment.
+        Column 0 is the front motor, column 1 the back motor. For the profile's controller, these
+        voltages are ``voltage_extra``, which the experiment added. For an identified controller,
+        they are the input w of `LinearController`. w is the recorded voltage minus the voltage that
+        the identified law computes from angles and earlier voltages. So w includes the effects of
+        references and excitation, and the error of the law.
         """
         if self.identified_controller is None:
             return self.voltage_extra

@@ -1,7 +1,7 @@
 """Compare the rigs that profiles describe: one model cannot describe two rigs.
 
-`check_same_rig` refuses recordings of different rigs. `differing_numbers` states in which numbers
-two profiles differ.
+`check_same_rig` refuses recordings of different rigs. `differing_numbers` describes the difference
+of two profiles as text.
 """
 
 from __future__ import annotations
@@ -31,9 +31,11 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
 
 
 def differing_numbers(one: Profile | None, other: Profile) -> str:
-    """Return a number in which two rigs differ, for a message; an empty text for equal rigs.
+    """Return, as text, one parameter that differs between two profiles, with both values.
 
-    ``one`` is None for a model without a profile, which is not compared.
+    The text becomes part of a message. It also states how many more parameters differ. Only
+    parameters that identify a rig are compared (`_rig_numbers`). The text is empty if all of them
+    are equal, or if ``one`` is None (the model has no profile).
     """
     if one is None:
         return ""

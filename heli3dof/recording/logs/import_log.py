@@ -193,7 +193,8 @@ def _read(
 def _numeric(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Return an importer's columns as arrays (N,) of floats.
 
-    Raises ValueError if there is no column, or unless all are numeric vectors of equal length.
+    Raises ValueError if there is no column, if a column is not a vector of numbers, or if the
+    columns differ in length.
     """
     if not columns:
         raise ValueError("its table has no column")

@@ -14,11 +14,12 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True)
 class Table:
-    """A log's columns as an importer read them: arrays of N samples, by name with unit."""
+    """The columns of a log as an importer read them. Each column is an array of N samples."""
 
     source: str
     """The file's name, for messages"""
     columns: Mapping[str, np.ndarray]
+    """Column's name in the log → array (N,). The name usually includes the unit: ``roll_deg``"""
     where: Callable[[int], str]
     """Returns the position of sample k in the file, for messages: ``line 12``"""
     warnings: list[str] = field(default_factory=list)
@@ -57,8 +58,9 @@ class Importer:
     """Returns True if a file has this format; None: its name's ending decides. An exception counts
     as False."""
     read_tables: Callable[[Path], Sequence[Table]] | None = None
-    """Returns the tables of a file with several clocks, which ``read`` joins. Those that no
-    mapping needs can then be left out (`joined_tables.join_used`)."""
+    """Returns one table per time vector of a file; ``read`` joins these tables. With
+    ``read_tables``, the import can leave out tables that no mapping needs
+    (`joined_tables.join_used`)."""
     carries_profile: bool = False
     """True if ``read`` can return the rig's profile; other formats need ``--profile``"""
 

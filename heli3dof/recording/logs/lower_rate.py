@@ -138,8 +138,8 @@ def interval_means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the mean of ``values`` (N,) over each of n successive intervals of rows.
 
     ``rows`` (n,): increasing indices of the rows at which the intervals start. Each interval ends
-    before the next one starts. The last interval is as long as the interval before it, but not
-    longer than ``values``.
+    before the next one starts. The last interval has as many rows as the interval before it, or
+    fewer if ``values`` ends earlier.
     """
     last = int(rows[-1]) + (int(rows[-1] - rows[-2]) if len(rows) > 1 else 1)
     stop = min(last, len(values))

@@ -53,10 +53,13 @@ LATE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class SamplingClock:
-    """Estimated sampling clock of N samples: their numbers n_k, the period and the jitter."""
+    """Sampling period, jitter and sample indices of a log, estimated from its time stamps.
+
+    A lost sample leaves a gap in the indices.
+    """
 
     number: np.ndarray
-    """(N,) numbers n_k of the samples, from zero; lost samples are counted too"""
+    """(N,) index n_k of each sample, from 0; the indices of lost samples are left out"""
     period_s: float
     jitter_s: float
     """s, standard deviation of ε, the time stamps' deviation from an evenly spaced clock"""

@@ -6,8 +6,9 @@ Besides the recording's topics, the file has JSON messages with Foxglove's own s
     /heli3dof/transforms   foxglove.FrameTransforms, 60 per second: the poses of arm and body
     /heli3dof/log          foxglove.Log: source, warnings, and how the flight ended
 
-heli3dof reads such a file like the recording itself. A flight is not recorded in this form: a
-transform takes 15 µs to encode and 0.5 kB, a row of the recording 2 µs and 0.3 kB.
+heli3dof reads such a file like the recording itself. heli3dof does not record a flight in this
+form, because a transform costs more than a row of the recording. The encoding of a transform takes
+15 µs, that of a row 2 µs. The size of a transform is 0.5 kB, that of a row 0.3 kB.
 """
 
 from __future__ import annotations

@@ -1,11 +1,16 @@
 """Importer of CSV logs (``.csv``, ``.csv.gz``, tables in ``.txt`` and ``.tsv``).
 
-Its errors name line and column.
+The importer also reads a log that has these deviations from a plain table, and adds a note on each:
 
-numpy parses the whole file; if it fails, the text is parsed cell by cell to find the faulty cell.
-Semicolons, tabs or spaces between columns, decimal commas, titles above the header, a line of units
-below it, an unnamed first column that numbers the rows, and dates with times (ISO 8601) are
-accepted with a note.
+- semicolons, tabs or spaces between the columns
+- decimal commas
+- titles above the header line
+- a line of units below the header line
+- an unnamed first column that numbers the rows
+- a column of dates with times (ISO 8601)
+
+numpy parses the whole table at once. If numpy fails, the importer parses the table cell by cell to
+find the faulty cell. Its errors name line and column.
 """
 
 from __future__ import annotations
@@ -264,11 +269,12 @@ def _complete(
     path: Path, rows: list[list[str]], numbers: list[int], separator: str, names: list[str],
     warnings: list[str],
 ) -> tuple[list[list[str]], list[int]]:  # fmt: skip
-    """Return the rows that have a cell for each of the ``names``, and their line numbers.
+    """Return the rows that have as many cells as the header line, and their line numbers.
 
-    ``rows``: the cells of each line; ``numbers``: the lines' numbers. The other rows count as lost
-    samples; the function appends a text with their number to ``warnings``. Raises RecordingError if
-    their share exceeds `LOST_LINES`.
+    ``rows``: the cells of each line; ``numbers``: the line numbers; ``names``: the names in the
+    header line. The function leaves out all other rows as lost samples. It appends a warning to
+    ``warnings`` that states how many rows it left out. Raises RecordingError if the share of these
+    rows exceeds `LOST_LINES`.
     """
     wrong = [k for k, row in enumerate(rows) if len(row) != len(names)]
     if not wrong:

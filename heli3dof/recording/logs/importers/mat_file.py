@@ -66,9 +66,10 @@ def table_of(
 
 
 def tables_of(path: Path, variables: Mapping[str, Any]) -> list[Table]:
-    """Return one table per clock of the file at ``path``, which has these ``variables``.
+    """Return the signals of a MAT file: one table for each time vector in the file.
 
-    Raises RecordingError if the file contains no signals.
+    ``variables``: the variables of the file at ``path``, by name. Arrays without a time vector form
+    one table per array length. Raises RecordingError if the file contains no signals.
     """
     found = tables(path.name, stem(path), variables)
     if not found:
