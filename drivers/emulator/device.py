@@ -52,7 +52,11 @@ class Device:
         self._silent_s = 0.0
 
     def arm(self) -> None:
-        """Enable the output at zero volts; clear the latched, stopped and fault states."""
+        """Enable the output at zero volts, and end all states that hold the output at zero.
+
+        These states follow an expired watchdog (``latched``), an emergency stop (``stopped``) and a
+        fault of the amplifier (``fault``).
+        """
         self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
         self.fault = Flags(0)
         self.cause = Cause.NONE

@@ -88,7 +88,7 @@ class BusFault:
 
 @dataclass(eq=False)
 class RigOnBus:
-    """An emulated rig plugged into the emulated USB bus, with the list of its bus faults."""
+    """An emulated rig on the emulated USB bus, with the bus faults that the emulator injects."""
 
     function: UsbFunction
     faults: Sequence[BusFault] = ()

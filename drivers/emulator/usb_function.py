@@ -55,9 +55,10 @@ class UsbFunction:
         self._to_host = b""
 
     def control(self, now_us: int, kind: int, request: int, value: int) -> bytes | None:
-        """Execute a USB control request: return a string descriptor's bytes, or stop the motors.
+        """Execute a USB control request: read a string descriptor, or stop the motors.
 
-        Returns b"" for a stop, None (STALL) for any other request. ``kind``, ``request``,
+        Returns the bytes of the string descriptor, or b"" after a stop. The result None means STALL
+        (an error): the request is unknown, or there is no such descriptor. ``kind``, ``request``,
         ``value``: bmRequestType, bRequest, wValue; ``now_us``: time in µs.
         """
         if (kind, request, value >> 8) == (0x80, 6, 3):

@@ -23,7 +23,8 @@ def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
     """Send the emergency stop, up to ``tries`` times, `STOP_EVERY_S` seconds apart.
 
     Returns True once an ACK or a sample shows that the device has stopped, else False. If another
-    program reads from the same port, this program receives only some of the replies and samples.
+    program also reads from the port, it may receive the ACK and the samples. The result may then be
+    False although the device has stopped.
     """
     numbers: set[int] = set()
     for attempt in range(tries):

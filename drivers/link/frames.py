@@ -268,7 +268,11 @@ _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
 
 
 def check(data: bytes) -> bytes:
-    """Return a frame's last four bytes: the CRC-16 of ``data`` and of ``data`` reversed."""
+    """Return the last four bytes of a frame, which contain two checksums of ``data``.
+
+    The first two bytes are the CRC-16 of ``data``. The last two bytes are the CRC-16 of the same
+    bytes in reverse order. Each CRC-16 has its low byte first.
+    """
     return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")
 
 

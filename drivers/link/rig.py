@@ -121,7 +121,10 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the device holds its output at zero (last sample); None if it does not."""
+        """Return why the device holds its output at zero; None if it does not hold it at zero.
+
+        The last sample from the device states the reason.
+        """
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:

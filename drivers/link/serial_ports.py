@@ -44,11 +44,12 @@ def is_known(path: str) -> bool:
 
 
 def persistent_name(path: str) -> str:
-    """Return a name of the device at the port ``path`` that is the same at every port, if possible.
+    """Return a name for the device that is connected to the port ``path``.
 
-    The name consists of USB vendor, product and serial number. A USB device without a serial number
-    is named by vendor, product and its USB port. A pseudo-terminal's name is its path with its
-    creation time, because the system reuses the path; any other port's name is its path.
+    The name of a USB device consists of the vendor number, the product number and the serial
+    number, so it does not depend on the port. If the device has no serial number, the name contains
+    the USB port instead. The name of a pseudo-terminal is its path with its creation time, because
+    the system reuses the path. The name at any other port is the port's path.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path

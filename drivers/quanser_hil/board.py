@@ -7,8 +7,10 @@ passes their memory to C, so a wrong type gives a wrong value without an error.
 The board has a watchdog of its own::
 
     start(timeout) ─▶ reload() within every timeout ─▶ stop()
-    no reload in time: it expires. Analog outputs go to 0 V, enable lines to the level that
-    disables, and writing has no effect until clear()
+
+If the program does not call reload() in time, the watchdog expires. The board then sets its analog
+outputs to 0 V. It sets its enable lines (digital outputs) to the level that disables the amplifier.
+Until the program calls clear(), writing to the outputs has no effect.
 """
 
 from __future__ import annotations
@@ -146,10 +148,12 @@ class Board:
             hil.watchdog_start(timeout_s)
 
     def _set_expiration(self, analog: array[int], lines: array[int]) -> None:
-        """Set the states of the channels ``analog`` and ``lines`` (digital) at a watchdog timeout.
+        """Set the states that the board gives to outputs when the watchdog expires.
 
-        Analog outputs go to 0 V, enable lines to the level that disables, other lines to tristate.
-        The Q8 series accepts only tristate, so there all lines go to tristate.
+        ``analog``, ``lines``: channel numbers of the analog and of the digital outputs. All analog
+        outputs go to 0 V. The digital outputs that enable the amplifier go to the level that
+        disables it. All other digital outputs go to tristate. The Q8 series accepts only tristate,
+        so on these boards all digital outputs go to tristate.
         """
         hil, states, n = self._hil, self.hardware.DigitalState, len(lines)
         hil.watchdog_set_analog_expiration_state(

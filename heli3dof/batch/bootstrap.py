@@ -105,10 +105,11 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 
 
 def causes_of(row: Mapping[str, Any]) -> set[str]:
-    """Return the causes in the row of a diagnosis, and the effects confounded with them.
+    """Return the names of the causes in a diagnosis, and of the effects confounded with them.
 
-    Effects on the time stamps (``timing.gaps``) are left out, because the pauses between the blocks
-    of a bootstrap replicate cause them.
+    ``row``: the diagnosis's row in the results table of ``batch diagnose``. The function leaves out
+    effects on the time stamps (``timing.gaps``). A bootstrap replicate has pauses between its
+    blocks, and a diagnosis reports these pauses as such effects.
 
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']

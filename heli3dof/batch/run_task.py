@@ -1,7 +1,11 @@
 """`run_task`: run one subcommand on one recording, in a worker process.
 
-The subcommand reads and writes files in a temporary folder. In the outcome, `_replaced` replaces
-the temporary paths of these files by the recording's path or URL and by paths in the output folder.
+The subcommand writes its files to a temporary folder. If the recording comes from a URL, or was
+sent with the task, `_local` also writes it to this folder. So the outcome (a JSON document and a
+row of the results table) may contain temporary paths. `_replaced` replaces them:
+
+- the temporary path of the recording by the path or URL that the user gave
+- the temporary path of a written file by its path relative to the output folder
 """
 
 from __future__ import annotations
@@ -110,10 +114,10 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 def _replaced(outcome: Outcome, folder: str, source: str) -> Outcome:
-    """Return the outcome in JSON types, with other paths in place of those in ``folder``.
+    """Return the outcome in JSON types, without paths in the temporary ``folder``.
 
-    Paths of written files become relative to the output folder. The recording's temporary path
-    becomes ``source``, the path or URL that the user gave.
+    The function makes paths of written files relative to the output folder. It replaces the
+    recording's temporary path by ``source``, the path or URL that the user gave.
     """
 
     def text(value: str) -> str:

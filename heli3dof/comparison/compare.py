@@ -97,7 +97,10 @@ def compare_flight(
     in_flight = rows_in_flight(flown)
 
     def scored(horizon_s: float) -> np.ndarray:
-        """Return (N,) bool: True if a row and all rows ``horizon_s`` s before it are in flight."""
+        """Return (N,) bool: the rows at which predictions over ``horizon_s`` s are evaluated.
+
+        A prediction starts ``horizon_s`` s before its row. All rows in this time must be in flight.
+        """
         return rows_within(in_flight, max(1, round(horizon_s / flown.dt)))
 
     fits = tuple(h for h in horizons_s if scored(h).any())

@@ -6,13 +6,16 @@
     flights[]      recording, digest, duration_s, profile
                    loop ("replayed" | "not replayed"), why_not_replayed
                    experiment.<axis>      the six metrics, the step they describe, all steps
-                   models[]               name, kind, cannot[], diverged_at_s, unstable_poles
+                   models[]               name, kind, diverged_at_s, unstable_poles, cannot[]
+                                          (sentences: what could not be computed, and why)
                      axes.<axis>          the six metrics, difference (the same six, model minus
                                           experiment), replay_rmse_deg
                      prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis> (RMSE
                                           over all horizons from 0 to the longest)
-                   held_still             as prediction, for constant angles in place of a model
-    published[]    the paper's number, the one simulated here, whether and why it is reproducible
+                   held_still             the same keys as prediction, for a baseline: each angle
+                                          keeps its last measured value
+    published[]    a number printed in the paper (value_deg), heli3dof's simulated number
+                   (ours_deg), whether the printed number is reproducible, and the reason
 
 ``<axis>`` is ``roll``, ``pitch`` or ``yaw``, ``<horizon>`` a prediction horizon in s. The six
 metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s

@@ -3,7 +3,8 @@
 The sentences compare two errors of the models, in degrees (RMS over the recordings): those of
 predictions `HORIZON_S` ahead, and those of the closed-loop replay. If a model's error is at most
 `EQUAL` times the smallest error, this model counts as equally good as the best model. A model's
-prediction is useful only if its error is smaller than that of constant angles.
+prediction is useful only if its error is smaller than that of a baseline. The baseline predicts
+that each angle keeps its last measured value.
 """
 
 from __future__ import annotations
@@ -86,10 +87,10 @@ def _rms_over_flights(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[
 def _best_models(errors: Errors, what: str) -> str:
     """Return a sentence that names the best model on each axis; "" if no error is known.
 
-    The sentence also gives the smallest error on the axis, and another model's error to compare it
-    with. The other model is "hover", the paper's model, or else the second-best model. If there is
-    only one model, the sentence gives its errors. ``what`` describes the ``errors``, for example
-    "closed-loop replay".
+    The sentence also gives the smallest error on the axis, and the error of one other model for
+    comparison. This other model is "hover", the paper's model. If "hover" is missing or among the
+    best models, the other model is the second-best model. If there is only one model, the sentence
+    gives its errors. ``what`` describes the ``errors``, for example "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != CONSTANT_ANGLES}
     groups: dict[tuple[str, ...], list[str]] = {}
@@ -117,11 +118,12 @@ def _best_models(errors: Errors, what: str) -> str:
 
 
 def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) -> list[str]:
-    """Return sentences that name the models whose predictions are worse than constant angles.
+    """Return sentences that name the models with a larger prediction error than the baseline.
 
-    The first sentence names these models and the axes, at the horizon ``horizon_s`` (s). The second
-    one names the axes and horizons at which all models are worse. ``ahead``: {horizon (s): {model:
-    its errors}}.
+    The baseline `CONSTANT_ANGLES` predicts that each angle keeps its last measured value. The first
+    sentence names the models and axes with a larger error at the horizon ``horizon_s`` (s). The
+    second sentence names the axes and horizons at which all models have a larger error. ``ahead``:
+    {horizon (s): {model: RMSE (3,) in degrees}}.
     """
     models = [n for n in ahead[horizon_s] if n != CONSTANT_ANGLES]
     if CONSTANT_ANGLES not in ahead[horizon_s] or not models:

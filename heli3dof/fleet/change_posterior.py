@@ -15,12 +15,14 @@ the plan: on the same rig, small and large reference steps give different values
 of the sᵢ. φ is the standard deviation of the value from a flight with sᵢ = s̃. The fraction a of φ²
 is due to scatter between flights. A step needs two flights on each side, because one flight alone
 is a deviating flight. Two steps need a model of their own: if the second one reverses or repeats
-the first, the model of one step fits badly. To save time, the flights j and k of two steps are on a
-grid of at most `MOST_BOUNDARIES`.
+the first, the model of one step fits badly. To save time, j and k of two steps can only take values
+of an evenly spaced grid with at most `MOST_BOUNDARIES` points.
 
 Priors: m has a flat prior. a is on the grid `SHARES`, dense near 0, and g on the grid `SIZES`: 1,
-2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d. The other rigs of the fleet (its
-siblings) give d and φ₀ (`VariancePrior`). Without siblings, p(φ) ∝ 1/φ (d = 0).
+2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d. φ₀ is estimated from the other rigs
+of the fleet (the rig's siblings). d has two possible values: 1 with the probability `UNLIKE`, else
+a value that is also estimated from the siblings (`VariancePrior`). Without siblings, d is 0, which
+means p(φ) ∝ 1/φ.
 
 m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
 Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
@@ -32,9 +34,10 @@ m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans,
 
 A step at a change of plan has Sxx = 0: the flights cannot distinguish the step from the plan.
 
-The constant alone has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
-det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g, d and the flights of a
-change give the probability of each kind (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
+The model without a change has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx
+becomes det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. The probability of each kind of
+change is a sum over a, g, d and over the flights at which the change may occur (Kass and Raftery,
+J. Am. Stat. Assoc. 90, 1995).
 """
 
 from __future__ import annotations
@@ -71,18 +74,19 @@ search then computes the date of each step without a grid."""
 
 @dataclass(frozen=True)
 class VariancePrior:
-    """Prior distribution d·φ₀²/χ²_d of φ², the variance of the value from a typical flight.
+    """Prior distribution d·φ₀²/χ²_d of φ², the variance of a quantity's value from one flight.
 
-    A typical flight is one whose given standard deviation is the median of all flights. The other
-    rigs of the fleet (the rig's siblings) give φ₀² and d. χ²_d is a chi-squared variable with d
-    degrees of freedom. With the probability `UNLIKE`, the rig is unlike its siblings, and d is 1.
-    Otherwise, d is ``freedom``.
+    Each flight of a rig gives a value of the quantity and a standard deviation of this value. φ² is
+    the variance for a flight whose standard deviation is the median of the rig's flights. χ²_d is a
+    chi-squared variable with d degrees of freedom. d is 1 with the probability `UNLIKE`, for a rig
+    that is unlike the other rigs of the fleet (its siblings). Otherwise, d is ``freedom``.
+    ``variance`` (φ₀²) and ``freedom`` are estimated from the siblings.
     """
 
     variance: float
     """φ₀² > 0: typical variance of the siblings, in the squared unit of the value"""
     freedom: float
-    """d ≥ 1: the more alike the siblings' variances are, the larger is d"""
+    """≥ 1; the more alike the siblings' variances are, the larger it is"""
 
 
 @dataclass(frozen=True, eq=False)

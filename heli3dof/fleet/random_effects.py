@@ -42,9 +42,9 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return the two limits of the confidence interval of ``value``; both are NaN if n is 1.
+        """Return the two limits of the confidence interval of ``value``, with coverage `LEVEL`.
 
-        `LEVEL` is the interval's coverage.
+        Both limits are NaN if the estimate comes from a single measurement (``n`` = 1).
         """
         from scipy.stats import t
 

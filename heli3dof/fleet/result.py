@@ -102,10 +102,11 @@ class Fleet(Result):
             yield from quantity.rigs
 
     def changes(self) -> list[tuple[Track, Change]]:
-        """Return a pair for each change of a rig: the quantity's values (a `Track`) and the change.
+        """Return a pair (track, change) for each change that the analysis found.
 
-        Steps come first, then drifts, then deviating flights; within each kind, the most probable
-        change comes first.
+        A change is a step, a drift or a deviating flight in one quantity of one rig. The track
+        contains this quantity's values in all flights of the rig. Steps come first, then drifts,
+        then deviating flights. Within each kind, the most probable change comes first.
         """
         found = [(r.track, c) for r in self.tracks() for c in r.changes]
         kinds = ("step", "drift", "deviating")
@@ -140,7 +141,12 @@ class Fleet(Result):
         return sorted(found, key=lambda qd: qd[1].p_value)
 
     def summary(self) -> str:
-        """Return a short text: numbers of rigs, recordings, changes and differing rigs."""
+        """Return a summary of the result in three lines of text.
+
+        - Line 1: the numbers of rigs, of recordings and of recordings that were not used
+        - Line 2: the numbers of steps, drifts and deviating flights in the rigs' quantities
+        - Line 3: the names of the rigs that differ from the other rigs
+        """
         count = {k: sum(c.kind == k for _, c in self.changes()) for k in ("step", "drift")}
         return (
             f"Fleet of {len(self.rigs)} rigs, {self.recordings} recordings, "

@@ -38,9 +38,10 @@ def unusable_sample(sample: Any) -> Trip | None:
 
 
 def sample_problem(sample: Any) -> str | None:
-    """Return in words the first field of a sample that is no valid number; None if all are valid.
+    """Return why a sample is not valid, as text; None if it is valid.
 
-    Sequence, counts and flags must be whole numbers, times finite. The check takes about 1 µs.
+    The text names the first invalid field and its value. The sequence number, the three counts and
+    the flags must be whole numbers. The times must be finite. The check takes about 1 µs.
     """
     if not isinstance(sample, Sample):
         return f"{sample!r} is no Sample"

@@ -119,11 +119,12 @@ def zero(
 ) -> ZeroResult:
     """Measure the encoder counts of a rig at rest and store them. Moves nothing.
 
-    ``device``: the rig's URL; default, as on the command line: HELI3DOF_DEVICE, else the real rig
-    if exactly one is found, the emulated rig if none is. ``angles_deg``: roll, pitch and yaw at
-    which the rig stands now, in degrees; None: the axis's rest angle. ``store``: False stores
-    nothing. Raises UsageError if several rigs are found, DeviceError, SafetyTrip for an armed rig,
-    and CheckFailed for a rig that moves.
+    ``device``: the rig's URL. The default, as on the command line, is the URL in the environment
+    variable HELI3DOF_DEVICE. Without this variable, it is the real rig if exactly one is found, and
+    the emulated rig if none is found. ``angles_deg``: roll, pitch and yaw at which the rig stands
+    now, in degrees; None: the axis's rest angle. ``store``: False stores nothing. Raises UsageError
+    if several rigs are found, DeviceError if the rig cannot be opened or read, SafetyTrip if the
+    rig is armed, and CheckFailed if the rig moves.
     """
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:

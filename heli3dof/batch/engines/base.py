@@ -1,4 +1,4 @@
-"""`Engine`: distributes independent work and yields its results as they arrive."""
+"""`Engine`: interface of the classes that call a function for many items in parallel processes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ class Lost:
 
 
 class Engine(Protocol):
-    """Distributes work. `run` may be called several times, one call after another."""
+    """Calls a function for many items in parallel, in processes on this computer or on a cluster.
+
+    `run` may be called several times, but not before the previous call has ended.
+    """
 
     remote: bool
     """True if the workers may not see this machine's files"""

@@ -1,9 +1,10 @@
-"""Takes the motors to zero volts at the end of a flight; the loop records each period of it.
+"""Takes the motors to zero volts at the end of a flight; the loop records each control period.
 
     V[i] = V_start · (1 − i/n),  i = 1 … n,  n = ramp time / dt
 
     V_start = V_last   if |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
-    V_start = 0        otherwise,                          V_h = max(|V_o|, v_max/8)
+    V_start = 0        otherwise
+    V_h = max(|V_o|, v_max/8)
 
 V: a motor's voltage (V); i: control periods of length dt since the start; V_last: last voltages
 sent; V_o: hover voltage of each motor; v_max: the amplifier's limit.
@@ -14,15 +15,15 @@ at 24 V; a ramp from there throws the arm by up to 100°.) So both motors go to 
 not depend on the angles, because a faulty encoder may have ended the flight. Comparison with other
 laws: `make bench TOPIC=ramp_down`.
 
-* Skipped periods count as periods of the ramp, so it takes no longer.
+* Control periods that the loop skipped count as periods of the ramp, so they do not lengthen it.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
 * After a completed plan the ramp is slow (``landing_s``), and the safety monitors stay active
   (`Supervision`). A report of a monitor, a failure of the recorder or a request to end shortens the
-  rest to at most ``ramp_down_s``. If none of these events occurred, the loop checks the encoder of
-  roll (the arm's angle) at the end of the ramp. A working encoder shows the arm fall; one that
-  reads a constant angle above the table may be dead. In that case the loop holds zero volts until
-  the reading changes, for at most `FALL_S`.
+  remaining part of the ramp to at most ``ramp_down_s``. If none of these events occurred, the loop
+  checks the encoder of roll (the arm's angle) at the end of the ramp. A working encoder shows the
+  arm fall. An encoder that reads a constant angle above the table may be dead. In that case the
+  loop holds zero volts until the reading changes, for at most `FALL_S`.
 * If the device still reports an output voltage after the ramp, the loop holds zero volts for at
   most `ZERO_S`. Then it stops the device, and the flight counts as tripped.
 """
@@ -70,7 +71,7 @@ class Supervision:
     awaits_fall: Callable[[], bool]
     """Returns True if the arm must fall, but the roll count is constant above the table"""
     shortened_steps: int
-    """Control periods that the rest of a shortened ramp may take"""
+    """Largest number of remaining control periods of a ramp that is shortened"""
 
 
 @dataclass(frozen=True)
@@ -209,7 +210,11 @@ def ramp_to_zero(
 
 
 def _is_zero(sample: Sample, motor: Motor) -> bool:
-    """Return True if no output exceeds `ZERO` · V_h; one that is not reported counts as zero."""
+    """Return True if the output voltages of both motors are at most `ZERO` · V_h in magnitude.
+
+    V_h is the size of the hover voltage (`Motor.hover_V`). An output voltage that the device does
+    not report counts as zero.
+    """
     volts = motor_voltage(sample, (0.0, 0.0))
     return max(map(abs, volts)) <= ZERO * motor.hover_V
 

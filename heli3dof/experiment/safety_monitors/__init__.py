@@ -1,12 +1,11 @@
-"""Safety monitors: each checks every control period and reports why the flight must end now.
+"""Safety monitors: they detect a fault during a flight and report why the flight must end now.
 
-Each monitor is a subclass of `SafetyMonitor` in a file of this package. A monitor's report is
-stored in the recording and ends the flight, with a ramp to zero or without
-(`SafetyMonitor.stop_without_ramp`). No monitor changes a command. Limits: the profile's
-``[limits]``.
-
-The loop calls the monitors of a flight one after another, in the order of `monitor_classes`;
-docs/reference/safety.md states how a flight ends after each report.
+Each monitor is a subclass of `SafetyMonitor` in a file of this package. In every control period,
+the loop calls the monitors one after another, in the order of `monitor_classes`. A monitor's report
+is stored in the recording and ends the flight. The loop then ramps the voltages to zero, or stops
+the device at once if the monitor demands this (`SafetyMonitor.stop_without_ramp`). No monitor
+changes a command. The limits are in the profile's ``[limits]``. docs/reference/safety.md states how
+a flight ends after each report.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from heli3dof.rig.profile import Profile
 
 
 class SafetyMonitor(ABC):
-    """Base class of safety monitors, which check every control period of one flight."""
+    """Base class of safety monitors. The loop calls each of a flight's monitors in every period."""
 
     order: ClassVar[int]
     """The loop calls the monitors in ascending ``order``; the first report ends the flight."""

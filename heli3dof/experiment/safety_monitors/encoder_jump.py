@@ -1,4 +1,4 @@
-"""Detects an encoder count that changed by more than the rig can turn, and a wrong device clock.
+"""Detects an encoder count that jumps further than the rig can turn, and a wrong device clock.
 
 The monitor reports a change Δcounts between two samples Δt (s) apart if
 
@@ -7,8 +7,8 @@ The monitor reports a change Δcounts between two samples Δt (s) apart if
 rate_max is the axis's rate limit (rad/s) in the profile's ``[limits]``. The safety envelope judges
 a filtered rate, so the true rate may briefly be higher: hence the factor 2. This monitor cannot
 distinguish a smaller jump from motion. It reports a jump of about 2¹⁶ or 2²⁴ counts as an overflow
-of the counter, and a device time that decreases, or stays constant for longer than `CLOCK_S`, as a
-wrong clock.
+of the counter. It reports a wrong clock if the device's time decreases, or stays constant for
+longer than `CLOCK_S`.
 """
 
 from __future__ import annotations

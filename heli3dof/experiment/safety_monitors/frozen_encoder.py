@@ -119,7 +119,10 @@ def frozen_trip(
 
 
 class FrozenEncoder(SafetyMonitor):
-    """Safety monitor that detects a frozen encoder on any axis, also in the ramp to zero."""
+    """Safety monitor that detects a frozen encoder on any axis.
+
+    It is also active while the voltages ramp to zero at the end of a flight.
+    """
 
     order = 50
 
@@ -263,11 +266,12 @@ class _Axis:
         self._friction = self._estimated_friction()
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Update this object, for roll, with a sample taken while the arm is near its rest angle.
+        """Compute how far the thrust must have turned roll since the last change of the count.
 
-        ``h``: s since the last sample; ``count``: the encoder's count; ``angle``: the encoder's
-        angle in rad. ``lift``: roll acceleration in rad/s², caused by the excess of the present
-        thrust over the thrust that lifts every known rig from the table.
+        This method replaces `step` for roll while the arm may lie on the table. ``h``: s since the
+        last sample; ``count``: the encoder's count; ``angle``: the encoder's angle in rad.
+        ``lift``: roll acceleration in rad/s², caused by the excess of the present thrust over the
+        thrust that lifts every known rig from the table.
         """
         if count != self.count:
             self.restart(count, angle)

@@ -29,7 +29,11 @@ def ahead_s() -> float:
 
 
 class HostSuspend(SafetyMonitor):
-    """Safety monitor that compares CLOCK_BOOTTIME and CLOCK_MONOTONIC, also in the ramp to zero."""
+    """Safety monitor that detects that the computer slept during a flight.
+
+    While the computer sleeps, CLOCK_BOOTTIME goes on and CLOCK_MONOTONIC stands still. The monitor
+    is also active while the voltages ramp to zero at the end of the flight.
+    """
 
     order = 10
 

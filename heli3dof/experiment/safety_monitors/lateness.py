@@ -1,17 +1,19 @@
 """Detects samples that come too late because of a busy host, a slow link or a slow device.
 
 A sample is late if it came more than ``late_max_s`` after its deadline. The monitor ends the flight
-if more than the fraction ``late_max_share`` of the last second's samples is late. Periods skipped
-just before a late sample count as late samples, too, but not those that the device skipped.
+if more than the fraction ``late_max_share`` of the last second's samples is late. Control periods
+that the host skipped just before a late sample also count as late samples. Periods that the device
+skipped do not count.
 
 The command-to-echo latency is the time from sending a command to the first sample that echoes it. A
 busy host delays some commands; a slow link or device delays all of them. So the report blames the
 link or the device if the 10 % quantile of the latencies exceeds `SLOW_PERIODS` control periods.
 
-Let n be the largest number of late samples in a second that does not end the flight. The quantile
-is computed from n latencies, one for each of the last n control periods, skipped periods included.
-The latency of a period is that of the command that was echoed last. If a link becomes slow, the
-flight ends only after more than n late samples. By then the slow link has caused all n latencies.
+The monitor tolerates n late samples per second, where n is the fraction ``late_max_share`` of all
+samples in a second. It computes the quantile from n latencies, one for each of the last n control
+periods, skipped periods included. For each period, it uses the latency of the newest command that
+has been echoed. If a link becomes slow, the flight ends only after more than n late samples. By
+then the slow link has caused all n latencies.
 """
 
 from __future__ import annotations

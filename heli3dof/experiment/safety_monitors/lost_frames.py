@@ -1,6 +1,8 @@
-"""Detects a link that loses frames: lost samples leave a gap, lost commands are not echoed.
+"""Detects a link that loses samples or commands.
 
-The monitor ends the flight if one of these states lasts longer than ``lost_max_s`` (s):
+Each sample contains the number of the last command that the device executed. The sample *echoes*
+this command. The monitor ends the flight if one of these states lasts longer than ``lost_max_s``
+(s):
 
 - The host waits, but no sample comes: the link lost a sample, or a busy device made none.
 - Samples come, but echo no new command. If the device's time also stands still, the device repeats
@@ -26,7 +28,10 @@ DEVICE_FIX = "heli3dof doctor: see the device; a lower rate_hz in the profile"
 
 
 class LostFrames(SafetyMonitor):
-    """Safety monitor that counts consecutive lost samples and consecutive commands without echo."""
+    """Safety monitor that counts consecutive lost samples, and samples that echo no new command.
+
+    A sample echoes the last command that the device executed: it contains the command's number.
+    """
 
     order = 30
 

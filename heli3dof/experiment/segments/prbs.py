@@ -1,10 +1,11 @@
 """``prbs``: pseudo-random binary signals on the common voltage and the difference.
 
-    c(t) = ± common_V,  d(t) = ± difference_V,  each switching at most every ``bit_s``
+    c(t) = ± common_V,  d(t) = ± difference_V
     V_front += c + d,   V_back += c − d
 
-The signs are two different maximum-length sequences (linear feedback shift registers) from random
-states. Their autocorrelation is a single peak. A full period of a sequence has one more + than −.
+Each sign is constant for ``bit_s`` seconds, and may then change. The signs are two different
+maximum-length sequences (linear feedback shift registers) from random states. Their autocorrelation
+has a single peak. A full period of a sequence has one more + than −.
 """
 
 from __future__ import annotations

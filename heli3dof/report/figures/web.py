@@ -50,7 +50,10 @@ def theme_css() -> str:
 
 
 def svg_address(figure: Figure) -> str:
-    """Return the figure as a ``data:`` address of an SVG image that follows the theme."""
+    """Return the figure as an SVG image in a ``data:`` URL.
+
+    The image contains light and dark colours; the browser chooses those of the reader's theme.
+    """
     svg = style.to_svg(figure)
     svg = svg[svg.index("<svg") :]  # without XML declaration and document type
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)

@@ -31,9 +31,10 @@ def fleet_page(fleet: Fleet, *, title: str = "Fleet") -> str:
 
 
 def drawn_quantities(fleet: Fleet) -> list[FleetQuantity]:
-    """Return the at most `MOST_FIGURES` quantities with a figure; every quantity has a table.
+    """Return the quantities for which the page contains a figure, at most `MOST_FIGURES`.
 
-    First are those that changed or that differ between rigs, then the main ones, then others.
+    Quantities that changed or that differ between rigs come first. Then follow the quantities in
+    the table of rigs (`main_quantities`), and then all others.
     """
     stated = [track.quantity for track, _ in fleet.changes()]
     stated += [quantity for quantity, _ in fleet.differences()]

@@ -101,7 +101,10 @@ def warning(text: str) -> str:
 
 
 def table(grid: Grid) -> str:
-    """Return a table and its notes as HTML, with a caption and all text escaped."""
+    """Return a table as HTML: its title as the caption, its cells, and its notes as a list.
+
+    Special characters in all these texts are escaped.
+    """
     heads = "".join(
         f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
     )

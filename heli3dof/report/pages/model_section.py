@@ -58,7 +58,11 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def linearised(model: Model) -> LinearModel | None:
-    """Return a linear model, or a grey-box one linearised about level hover; None if impossible."""
+    """Return a linear form of ``model`` for poles and Bode diagrams; None if it has none.
+
+    The function returns a linear model unchanged, and linearises a grey-box model about level
+    hover. The result is None if a grey-box model cannot hover level, and for any other model.
+    """
     if isinstance(model, LinearModel):
         return model
     if not isinstance(model, GreyBoxModel):

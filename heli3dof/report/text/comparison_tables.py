@@ -1,4 +1,9 @@
-"""Make the tables of a comparison: step metrics, prediction errors, Table II, paper's numbers.
+"""Make the tables that `heli3dof compare` prints.
+
+- Step metrics, such as overshoot, of the measured and the simulated angles
+- RMSE of multi-step predictions and of the closed-loop simulation
+- A table like Table II of the paper whose models heli3dof reproduces (`heli3dof.paper`)
+- All numbers of this paper, each with the number that heli3dof simulates
 
 A table is a `Grid`, which `heli3dof.report.text.table` renders.
 """
@@ -261,10 +266,11 @@ def fit_table(comparison: Comparison) -> Grid:
 
 
 def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]:
-    """Return one recording's tables: step metrics and prediction errors.
+    """Return the tables of one recording: step metrics and prediction errors.
 
-    The step metrics are left out if the closed loop was not simulated (replayed). ``paper`` adds a
-    table like Table II of the paper, which is left out in the same case.
+    The table of step metrics exists only if `compare` has simulated the closed loop. If it has, and
+    ``paper`` is True, the result also contains a table like Table II of the paper (`table_ii`). The
+    table of prediction errors exists only if `compare` has made predictions.
     """
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight) if paper else None, prediction_table(flight))

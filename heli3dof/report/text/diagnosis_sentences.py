@@ -186,13 +186,14 @@ def refit_explains(document: Document) -> bool:
     ``off_calibration``, the function returns True without a test, because this verdict already
     states that the refit explains the error.
 
-    If the diagnosis added causes to the model, there are two more conditions. The refitted model
-    has no causes, so a changed parameter may only compensate for a cause:
+    The refitted model contains no causes. So if the diagnosis added causes to the model, a changed
+    parameter may only compensate for a cause. In this case, two more conditions must hold:
 
-    - In the fit of the parameters together with the causes, at least one ratio of two parameters,
-      such as K_f/J_roll, differs from its value in the profile (`changed_ratios`).
-    - In the model with the causes, too, the refit removes most of an axis' error
-      (``explains_with_causes``; None: not measured).
+    - A second fit estimates the parameters together with the causes. At least one ratio of two
+      parameters, such as K_f/J_roll, then differs from its value in the profile (`changed_ratios`).
+    - In the model with the causes, the refit also removes most of the error of at least one axis.
+      The JSON key ``explains_with_causes`` states this. If the value is null (not measured), the
+      condition counts as met.
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -482,7 +483,11 @@ def has_adopted_causes(document: Document) -> bool:
 
 
 def measured_on(document: Document) -> str:
-    """Return in words on which data the RMSE without and with the causes was measured."""
+    """Return a text that names the data on which `diagnose` measured the model's RMSE.
+
+    The text is, for example, "the held-out recordings". It applies to the RMSE of the model without
+    the causes, and to the RMSE of the model with the causes.
+    """
     if document["gain"].get("measured_on") == "the recordings themselves":
         return "the fitted recordings themselves, which is optimistic"
     return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"

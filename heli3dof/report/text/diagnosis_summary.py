@@ -46,8 +46,9 @@ def diagnosis_text(document: Document) -> str:
 def faults(document: Document) -> list[str]:
     """Return sentences on faults: those that end the diagnosis, and timing effects such as jitter.
 
-    Equal sentences are given once. If several recordings have the same effect, one sentence
-    describes the first and names the others. With --verbose, heli3dof prints all faults.
+    The list contains no sentence twice. If several recordings have the same timing effect, one
+    sentence describes the effect in the first of these recordings, and names the other recordings.
+    With --verbose, heli3dof prints a sentence for each fault.
     """
     by_check = dict[str, list[Document]]()
     for f in document.get("integrity", ()):

@@ -9,10 +9,11 @@ A session is a process that uses a rig. An emergency stop of one rig or of all r
    the device, although the session's process holds it.
 3. If a rig has no session, its driver stops the device.
 
-All requests are sent before any answer is read, so a session that hangs does not delay another
-session's stop. A stop of all rigs includes the rigs that a driver finds and the rigs that were
-opened earlier; step 3 stops them in parallel. It sends nothing to a port at which no rig is known
-(`heli3dof.rig.session.known_devices`), since another instrument may be there.
+The program sends all requests before it reads any answer, so a session that hangs does not delay
+another session's stop. A stop of all rigs includes the rigs that a driver finds and the rigs that
+were opened earlier. For these rigs, step 3 runs in parallel. A stop of all rigs sends nothing to a
+port at which no rig is known (`heli3dof.rig.session.known_devices`), since another instrument may
+be there.
 """
 
 from __future__ import annotations

@@ -1,14 +1,17 @@
 """Locks a rig: its port before it is opened, and its device once its serial number is known.
 
-    port     <runtime>/<device>.lock        a name made from the device's URL
-    device   <runtime>/<serial>-<hash>.rig  hash of the device's serial and boot number: the same
-                                            for all of its ports (USB pipe, serial)
-    holder   <lock>.json                    the process that holds the lock: a separate file, since
-                                            on Windows no other process can read a locked file
+    lock of the port      <runtime>/<name>.lock            <name>: made from the device's URL
+    lock of the device    <runtime>/<number>-<hash>.rig    <number>: the device's serial number
+    holder file           <path of the lock>.json          states which process holds the lock
 
-The filelock library locks with flock, or LockFileEx on Windows. The system releases a lock when its
-process ends, even by ``kill -9``. The boot number is part of the device lock's name, because
-emulated rigs and newly flashed boards may have the same serial number.
+<runtime> is the folder `runtime_folder`. A device has one lock for all of its ports (USB pipe,
+serial port). <hash> is a hash of the device's serial number and boot number. The boot number
+changes at every start of the device. It is part of the hash because emulated rigs and newly flashed
+boards may have the same serial number. The holder file is separate from the lock, because on
+Windows no other process can read a locked file.
+
+The filelock library locks with flock, or LockFileEx on Windows. The operating system releases a
+lock when the process that holds the lock ends, even by ``kill -9``.
 """
 
 from __future__ import annotations

@@ -54,11 +54,12 @@ def open_rig(
     ramp.
 
     ``device``: the rig's URL. ``doing``: what the session does, for messages; default: the command
-    line. ``also`` returns entries to add to the state that other processes read. ``began_ns``: when
-    the user started this program, or in an interactive interpreter this call, in ns on the
-    monotonic clock (default: `heli3dof.rig.session.stop_stamp.command_began_ns`). The opened rig's
-    counts are zero at its rest angles; its ``rest.note`` states what the user should know about
-    this zero.
+    line. ``also`` returns entries to add to the state that other processes read. ``began_ns``: the
+    time at which the user started this program, in ns on the monotonic clock. In an interactive
+    interpreter, it is the time of this call. The default is the result of
+    `heli3dof.rig.session.stop_stamp.command_began_ns`. If an emergency stop came after this time,
+    the rig cannot be armed. The opened rig's counts are zero at its rest angles. Its ``rest.note``
+    states what the user should know about this zero.
 
     Raises DeviceError if the rig is missing, not permitted, in use by another session, or without a
     serial number.

@@ -54,10 +54,11 @@ class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
     ``private``: True if the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: when the user started this program, or in an interactive interpreter the
-    present function call, in ns on the monotonic clock (default:
-    `heli3dof.rig.session.stop_stamp.command_began_ns`). Raises DeviceError, naming the other
-    session, if another session holds the rig.
+    messages. ``began_ns``: the time at which the user started this program, in ns on the monotonic
+    clock. In an interactive interpreter, it is the time at which the user called the present
+    function. The default is the result of `heli3dof.rig.session.stop_stamp.command_began_ns`. If an
+    emergency stop came after this time, the rig cannot be armed. Raises DeviceError, naming the
+    other session, if another session holds the rig.
     """
 
     def __init__(
@@ -99,8 +100,9 @@ class Session:
     def claim(self, identity: Identity) -> None:
         """Lock the identified device on all of its ports. Raises DeviceError if it is in use.
 
-        A private (emulated) rig gets no such lock, and no stop by serial number applies to it. No
-        other process can reach it, and several emulated rigs have the same serial number.
+        For a private (emulated) rig, the method does nothing, because no other process can reach
+        this rig. Several emulated rigs have the same serial number, so a lock or an emergency stop
+        by serial number would affect all of them.
         """
         if not self.private:
             self._names = names_of(self.device, [identity.serial])
