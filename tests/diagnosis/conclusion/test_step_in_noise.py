@@ -1,4 +1,4 @@
-"""A step is told from coloured noise by the likelihood ratio of the module's equations."""
+"""Test that the likelihood ratio distinguishes a step from coloured noise."""
 
 from __future__ import annotations
 
