@@ -92,9 +92,10 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
     """Return a JSON object with the prediction errors of one axis, each with its noise floor.
 
     A prediction is a simulation that starts from an estimated state of the recorded flight. The
-    model is the base simulation (usually the rigid body without effects) with the profile's
-    parameter values. The object contains the RMSE at each prediction horizon, and the time
-    intervals with the largest errors.
+    simulated model is the one that the diagnosis tries to improve: the rigid body with the
+    profile's parameter values, usually without effects. The noise floor is the error that would
+    remain with the true model. The object contains the RMSE at each prediction horizon, and the
+    time intervals with the largest errors.
     """
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
@@ -157,11 +158,12 @@ def _profile(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]
 
 
 def _ratios(f: Fitted | None, hover: LevelHover | None) -> list[dict[str, Any]]:
-    """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
+    """Return JSON objects: the hover voltage, and the ratio K_f/J of thrust gain to each inertia.
 
-    The ratio of K_f to an inertia is omitted if the first fit estimated this inertia implausibly.
-    The fit is then repeated with a narrow prior on the inertias. So this prior, not the recordings,
-    would determine the ratio.
+    A flight does not identify K_f alone. If the K_f of a fit is wrong by a factor, the inertias J
+    are wrong by the same factor, so K_f/J is correct. A ratio K_f/J is omitted if the first fit
+    estimated an implausible J. That fit was repeated with a narrow prior on the inertias. So this
+    prior, not the recordings, would determine the ratio.
     """
     if f is None:
         return []
@@ -187,14 +189,15 @@ def _wrong_lengths(f: Fitted, hover: LevelHover | None) -> dict[str, dict[str, f
 
 
 def _calibration_gain(f: Fitted | None) -> dict[str, Any]:
-    """Return a JSON object: how much the refit of the base parameters reduces prediction errors.
+    """Return a JSON object: how much fitted inertias and trim torque reduce prediction errors.
 
-    The base parameters are the trim torque and the inertias. The object compares two base
-    simulations: one with the refitted values, one with the profile's values.
+    The object compares two simulations without the causes found by the diagnosis. One has the
+    fitted inertias and trim torque, the other has the profile's values.
 
-    The same comparison is made for the model that contains the causes. ``explains_with_causes`` is
-    True if there, too, the refitted values remove most of the error of at least one axis. It is
-    None if there are no causes, or if this comparison was not made.
+    The key ``explains_with_causes`` is the result of a second comparison, whose two simulations
+    contain the causes. It is True if the fitted values remove most of the error of at least one
+    axis in this second comparison. It is None if there are no causes, or if the second comparison
+    was not made.
     """
     with_causes = None if f is None else f.refit_with_causes
     return {
@@ -204,10 +207,12 @@ def _calibration_gain(f: Fitted | None) -> dict[str, Any]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the JSON object of a gain: how much better a model predicts held-out data.
+    """Return the JSON object of a gain: how much better a changed model predicts held-out data.
 
-    It contains the prediction RMSE before and after a change of the model, and the differences with
-    intervals. ``f`` adds the noise floor.
+    The object contains the RMSE of the predictions with the model before and after the change. It
+    also contains the decrease of the RMSE and the increase of the log-likelihood, each with its
+    95 % interval. If ``f`` is given, the object contains the noise floor too: the RMSE that the
+    true model would have.
     """
     rmse: dict[str, Any] = {"before": dict.fromkeys(AXES), "after": dict.fromkeys(AXES)}
     if g is not None:
@@ -332,11 +337,12 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the flight plan that the catalogue of effects recommends next; None if it has none.
+    """Return a JSON object with the flight plan that the catalogue of effects recommends, or None.
 
-    The plan is for the first cause that a further flight can distinguish from the causes confounded
-    with it. It is the attribute ``separated_by`` of the cause's effect. Effects without a plan of
-    their own have an empty attribute; then the plan is "rich", a general excitation.
+    Some confounded causes can be separated by a further flight (`separable_by_flight`). The
+    function finds the first cause that is confounded with such causes. The plan is the attribute
+    ``separated_by`` of this cause's effect. If the attribute is empty, the plan is "rich", a
+    general excitation. If no confounded causes can be separated, the function returns None.
     """
     for cause in physical(in_order_of_selection(d.faults, d.findings, d.calibration_findings)):
         name = cause.term.name

@@ -91,7 +91,11 @@ class Dropped:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The results of a diagnosis whose recordings could be fitted."""
+    """The results of a diagnosis whose recordings could be fitted.
+
+    The base simulation is the model to which the diagnosis adds effects: the rigid body, usually
+    without effects. With the added effects it is the extended model.
+    """
 
     base: CorrectedFit | None
     final: CorrectedFit | None

@@ -203,10 +203,11 @@ def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) ->
 
 
 def noise_like(fit: CorrectedFit, reduced: CorrectedFit, choice: Choice, *, seed: int) -> str:
-    """Return which noise explains the data as well as the cause ``choice``, or "".
+    """Return the name of a kind of noise that explains the data no worse than ``choice`` does.
 
-    It may be an encoder error of at most one count (`within_a_count`) or coloured noise
-    (`is_coloured_noise`). ``reduced``: the fit without the cause.
+    ``choice`` is a cause that the search has selected; ``fit`` contains it, ``reduced`` does not.
+    The name is `WITHIN_A_COUNT` for an encoder error of at most one count, `COLOURED` for coloured
+    noise. If both explain the data worse than the cause does, the function returns "".
     """
     if within_a_count(fit, choice):
         return WITHIN_A_COUNT
@@ -216,7 +217,7 @@ def noise_like(fit: CorrectedFit, reduced: CorrectedFit, choice: Choice, *, seed
 def is_coloured_noise(
     fit: CorrectedFit, reduced: CorrectedFit, choice: Choice, *, seed: int
 ) -> bool:
-    """Return whether coloured noise explains the data as well as the cause ``choice``.
+    """Return whether coloured noise explains the data no worse than the cause ``choice`` does.
 
     For a torque that starts at an unknown instant, the test is `step_margin` on the fit without the
     cause, ``reduced``. For any other cause, Z²/ρ must reach the threshold of Z². Z is the cause's
@@ -234,7 +235,7 @@ def is_coloured_noise(
 
 
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
-    """Return whether an encoder error of at most one count explains the data as well as the cause.
+    """Return whether an encoder error of up to one count explains the data no worse than the cause.
 
     There are two cases:
 
@@ -289,8 +290,9 @@ def fitted(
 ) -> Fitted:  # fmt: skip
     """Return the base simulation and the extended model, with their prediction errors.
 
-    The extended model adds the adopted causes and the terms for residual torques to the base
-    simulation. Its parameters have the values fitted in ``result.fit``.
+    The base simulation is the model to which the diagnosis adds causes: the rigid body, usually
+    without effects. The extended model adds the adopted causes and the terms for residual torques
+    to it. Its parameters have the values fitted in ``result.fit``.
     """
     fit, after = result.fit, result.after
     model = model_of(fit, train, "extended")

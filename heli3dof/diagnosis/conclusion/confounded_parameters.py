@@ -53,23 +53,21 @@ A scale error of roll also shifts the level angle: y = 0 at q = rest (1 − 1/k)
 an encoder offset or a pendulum torque. The readings of the two rigs differ only by products of
 rates and by higher-order terms of the sines.
 
-Let x = ln(J/J_nominal) for a fitted inertia J, with the standard deviation σ. ε is the profile's
-tolerance, and e = ln(1 + ε) + `SIGMAS_95` σ. δ is the roll offset found, or asin(τ/T_g) for a
-pendulum torque τ. A finding is confounded with the scale error of an axis if a k exists that lies
-within the bounds of the effect ``encoder.scale`` and satisfies
+So a scale error is compared with three kinds of findings: an inertia off nominal, an encoder offset
+δ of roll, and a pendulum torque τ of roll, which is equivalent to δ = asin(τ/T_g). Let
+x = ln(J/J_nominal) for a fitted inertia J, with the standard deviation σ. ε is the profile's
+tolerance, and e = ln(1 + ε) + `SIGMAS_95` σ. The equation for an axis gives the k that explains the
+findings. The scale error is confounded with them if k is within the bounds of the effect
+``encoder.scale``, and the inequalities hold:
 
     yaw     ln k = −x_ψ
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
-    roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e_r
+    roll    1/k = 1 + δ/rest,       |x_r + ln k| ≤ e_r
 
-The recordings alone cannot prove a scale error, because other inertias give nearly the same
-readings. If a finding is confounded with the scale error of an axis, the report names the scale
-error with this finding. Otherwise it lists the scale error as not identifiable.
-
-Roll may be an exception, because a scale error of roll also shifts the level angle. If k = 1 + ε,
-the shift is rest (1 − 1/(1 + ε)). Suppose that the recordings would show an encoder offset of this
-size. Then they would also show the scale error, so the list of effects that are not identifiable
-omits it.
+The report names a confounded scale error with the finding. It lists every other scale error as not
+identifiable, because other inertias give nearly the same readings. Roll may be an exception: a
+scale error k = 1 + ε of roll also shifts the level angle by rest (1 − 1/(1 + ε)). If the recordings
+can show an encoder offset of this size, they can show the scale error, and it is not listed.
 """
 
 from __future__ import annotations
@@ -110,10 +108,11 @@ ROLL_OFFSET = "encoder.offset.roll"
 
 
 def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNominal, ...]:
-    """Return the base parameters ``off``, which are off nominal, with their confounded effects.
+    """Return ``off``; the ``tied_with`` of each element also names the confounded effects.
 
-    ``tied_with`` of each parameter names the effects that are confounded with it. ``step`` is the
-    score test of all effects.
+    Each element of ``off`` states that a parameter differs from nominal: the thrust gain, the trim
+    torque or an inertia. An effect is confounded with the parameter if it explains the same
+    recordings without this difference. ``step`` contains the score tests of all effects.
     """
     is_inertia = [o.term.effect.name == "inertia" for o in off]
     alternatives = [f.term.name for f in instead_of_inertia(step)] if any(is_inertia) else []
@@ -174,15 +173,15 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int, size: float) -> list[tuple[float, float]]:
-        """Return at which sizes the effect ``i`` alone explains why the fitted K_f is off nominal.
+        """Return ranges of α in which effect ``i`` explains why the thrust gain K_f is off nominal.
 
-        Suppose that the rig has effect i with α times the trial size ``size`` of the score test. A
-        fit that lacks the effect then has biased parameters. Effect i explains the deviation of K_f
-        if subtracting this bias brings K_f within the profile's tolerance.
+        Suppose that the rig has effect i with the size α · ``size``. ``size`` is the trial size of
+        the score test, in the unit of the effect's first parameter. A fit without the effect then
+        has biased parameters. The effect explains the deviation of K_f if K_f without this bias is
+        within the profile's tolerance.
 
-        The result contains at most two ranges of α, one for α > 0 and one for α < 0. A range is a
-        tuple (α nearest to zero, α farthest from zero). ``size`` is in the unit of the effect's
-        first parameter.
+        There are at most two ranges, one for α > 0 and one for α < 0. A range is a tuple (α nearest
+        to zero, α farthest from zero).
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(size)
@@ -195,12 +194,12 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the names of the effects that alone may explain a base parameter off nominal.
+    """Return the names of the effects that may explain why a fitted parameter is off nominal.
 
-    The base parameters are the thrust gain, the trim torque and the inertias. A fit that lacks an
-    effect of the rig has biased base parameters. ``ranges`` contains tuples (i, α_1, α_2) with
-    |α_1| ≤ |α_2|. Effect i explains the deviation of the base parameter if its size is α s_i, with
-    α between α_1 and α_2. s_i is the trial size at which the score test of ``step`` evaluated it.
+    A fit that lacks an effect of the rig has biased parameters, for example a wrong inertia. A
+    single effect may be enough to explain the parameter's deviation. ``ranges`` contains the sizes
+    at which it does, as tuples (i, α_1, α_2) with |α_1| ≤ |α_2|. The size of effect i is then
+    α s_i, with α between α_1 and α_2. s_i is the trial size in the score test of ``step``.
 
     The function returns the name of effect i if both hold:
 
@@ -233,7 +232,7 @@ def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> t
 
 
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
-    """Return fits in which an added effect explains the data as well as wrong inertias do.
+    """Return fits in which an added effect explains the data about as well as wrong inertias.
 
     An inertia counts as wrong if the current fit ``s.fit`` estimates it significantly off nominal,
     by more than the profile's tolerance. If no inertia is wrong, the result is empty.
@@ -293,10 +292,12 @@ def undetectable_scales(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the encoder scale errors of the measured ``axes`` that the recordings cannot show.
 
-    Counts start at the rest angle ``rest_rad``, so a scale error of roll also shifts the level
-    angle. Roll is omitted if this shift would be detectable for a relative scale error of
-    ``tolerance``. ``detectable_offset_deg``: least detectable shift. ``tied``: scale errors to
-    omit, because they are already reported.
+    Usually a scale error looks like another inertia, so the recordings cannot show it. Roll may be
+    an exception: the counts of its encoder start at the angle ``rest_rad``, not at zero. So an
+    encoder with the relative scale error ε reads zero at the angle rest_rad (1 − 1/(1 + ε)).
+    ``detectable_offset_deg`` is the least encoder offset that the recordings can show. If the angle
+    for ε = ``tolerance`` is larger, the recordings can show the scale error, and roll is omitted.
+    ``tied``: names of further scale errors to omit, because they are already reported.
     """
     detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > detectable_offset_deg
     names = (f"{ENCODER_SCALE}.{axis}" for axis in axes if axis != "roll" or not detectable)
@@ -330,12 +331,14 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
     """Return ``off``; a wrong thrust gain K_f in it is marked as confounded with the inertias.
 
-    ``off``: the base parameters that differ from nominal. The function is for recordings whose
-    flights cannot be simulated. In them, a K_f that is wrong by the factor f looks like a correct
-    K_f with three inertias that are wrong by 1/f (`greybox.thrust_scale`). Only the profile's
-    nominal values distinguish these two cases. So the function adds the inertias to ``tied_with``
-    of K_f. It adds K_f to ``tied_with`` of all other parameters in ``off``. Without K_f in ``off``,
-    it changes nothing.
+    Each element of ``off`` states that a parameter differs from nominal: K_f, the trim torque or an
+    inertia. A K_f of f times nominal gives the same motion as a nominal K_f with three inertias of
+    1/f times nominal (`greybox.thrust_scale`). So the function adds the inertias to ``tied_with``
+    of K_f. It adds K_f to ``tied_with`` of all other elements of ``off``. If ``off`` does not
+    contain K_f, the function changes nothing.
+
+    A diagnosis by free-run predictions uses this function. Other diagnoses use
+    `with_confounded_causes`, which needs score tests.
     """
     if not any(o.term.name == THRUST_GAIN for o in off):
         return tuple(off)

@@ -1,7 +1,7 @@
-"""Mark findings as unconfirmed, or as confounded with other causes in segments of the flight.
+"""Mark doubtful findings: as unconfirmed, or as confounded with another cause.
 
-The report adds "-like" to the name of an unconfirmed finding, and its confidence is at most
-`MOST_CONFIDENCE`. These findings are unconfirmed:
+**Unconfirmed findings.** The report adds "-like" to the name of an unconfirmed finding. Its
+confidence is at most `MOST_CONFIDENCE`. These findings are unconfirmed:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion: the model's errors in that
    motion have the same period. f belongs to the motion if, on an axis, the spectral line at f
@@ -28,15 +28,16 @@ cause if both hold:
     significant:   |Σ (θ_i − θ_0)/σ_i²| ≥ `SIGMAS_95` √(Σ 1/σ_i²)
     of equal size: |θ_i − θ_j| ≤ `SIGMAS_997` √(σ_i² + σ_j²)     for all i, j
 
-Recordings that cannot be fitted are ignored. If fewer than two are left, this test is skipped.
+Recordings that cannot be fitted are ignored. If fewer than two are left, rule 3 marks no finding.
 Rule 3 does not apply to a periodic torque or a change of mass. The fits to single recordings omit
 both effects, because an ordinary fit cannot find their frequency or instant. The diagnosis finds it
 by a search over all frequencies or instants, which is not repeated for single recordings.
 
-**Segments.** Different segments of the flight may favour different causes (Vuong's test, 1989).
-The test compares the fits with cause a and with cause b; neither model contains the other. The fits
-have the log-likelihoods ℓ_a, ℓ_b and the scores S_a > S_b (`search.select`). The flight is divided
-into C segments of `CELL_S` seconds. d_c is the difference of the log-likelihoods in segment c. The
+**Confounded findings.** If some segments of the flight favour cause a, and others cause b, the two
+causes are confounded. Vuong's test (1989) shows this. It compares the fit with cause a and the
+fit with cause b; neither model contains the other. The fits have the log-likelihoods ℓ_a, ℓ_b and
+the scores S_a > S_b. A score is a gain in BIC (`search.select`). The flight is divided into C
+segments of `CELL_S` seconds. d_c is the difference of the log-likelihoods in segment c. The
 standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
@@ -129,9 +130,10 @@ def constant_voltage(recording: Recording) -> tuple[int, int] | None:
 
 
 def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:
-    """Return whether the commanded motion has a spectral line at the frequency (rule 1).
+    """Return whether the commanded motion has a spectral line at the frequency, on any axis.
 
-    The motion is given by the references or, if none were logged, by the angles.
+    A spectral line must contain at least the share `LEAST_SHARE` of the motion's variance. The
+    commanded motion is given by the references or, if none were logged, by the angles.
     """
     r = recording
     x = r.reference if np.isfinite(r.reference).any() else r.angle
@@ -214,10 +216,13 @@ def _fit_alone(recording: Recording, names: Sequence[str]) -> Estimate | None:
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings; their ``tied_with`` also names causes that Vuong's test cannot separate.
+    """Return the findings after Vuong's test of each against other causes.
 
-    Vuong's test compares the log-likelihoods of two fits in segments of the flight. A finding that
-    was chosen by simulated flights is not tested.
+    The search for causes fitted the model with each of several candidates, and chose one of them as
+    the finding. Vuong's test compares the log-likelihoods of two of these fits in segments of the
+    flight. If different segments favour different causes, the function adds the other cause to the
+    finding's ``tied_with``. Otherwise it may lower the finding's confidence. A finding is not
+    tested if the search chose it by another test, which simulates flights (`search.rivals`).
     """
     adopted = {f.term.name for f in findings}
     return tuple(

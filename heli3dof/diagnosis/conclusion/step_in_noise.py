@@ -7,10 +7,12 @@ their centres. The model with a step is
     τ_k = μ + Δ s_k(t_0) + n_k,        s_k(t_0) = 1 if t_k > t_0, otherwise 0
     Cov(n_j, n_k) = σ² (c(t_j − t_k) + r c(0) δ_jk)
 
-The noise n is the sum of an Ornstein-Uhlenbeck process with the correlation time T and of white
-noise; r is the ratio of their variances. c is the autocovariance of the process's means over w:
+The noise n is coloured noise plus white noise. The coloured noise is an Ornstein-Uhlenbeck process
+with the correlation time T and the variance σ². σ² c(t) is the autocovariance of its means over w
+seconds. r is the variance of the white noise, divided by the variance σ² c(0) of these means:
 
-    c(0) = 2 (a − 1 + e^−a)/a²,    c(t) = 2 (cosh a − 1)/a² e^−|t|/T  for |t| ≥ w,       a = w/T
+    c(0) = 2 (a − 1 + exp(−a))/a²,                             a = w/T
+    c(t) = 2 (cosh a − 1)/a² · exp(−|t|/T)  for |t| ≥ w
 
 Different recordings are independent. With ln L, the logarithm of the likelihood, the test statistic
 is the likelihood ratio
@@ -79,10 +81,11 @@ def step_margin(fit: Estimate, axis: int, *, seed: int) -> float:
 
 
 def interval_means(source: np.ndarray, t: np.ndarray, x: np.ndarray) -> Series:
-    """Return the means of a signal x (N,) in intervals of at least `INTERVAL_S`.
+    """Return the mean of a signal x (N,) in each of many intervals of equal length.
 
-    ``source`` (N,) is the recording of each sample, ``t`` (N,) its time in s. An interval with less
-    than half as many samples as most of the others is omitted.
+    The length is `INTERVAL_S`, or more if this would give more than `MOST_INTERVALS` intervals.
+    ``source`` (N,): index of each sample's recording. ``t`` (N,): time of each sample in s. An
+    interval is omitted if it has fewer than half the median number of samples.
     """
     seconds = sum(np.ptp(t[source == s]) for s in np.unique(source))
     width = max(INTERVAL_S, float(seconds) / MOST_INTERVALS)
@@ -109,7 +112,12 @@ def step_test(series: Series, rng: np.random.Generator) -> tuple[float, float]:
 
 
 class _StepTest:
-    """Likelihood ratio test of a step in a time series of K values, for P pairs (T, r) of noise."""
+    """Likelihood ratio test of a step in a time series of K values with noise.
+
+    The noise is the sum of coloured and white noise. T is the correlation time of the coloured
+    noise. r is the variance of the white noise, divided by that of the coloured noise. Each pair of
+    trial values of T and r is a noise model. The likelihood is evaluated for all P noise models.
+    """
 
     def __init__(self, series: Series) -> None:
         t, w, K = series.t, series.width_s, len(series.t)
@@ -134,14 +142,22 @@ class _StepTest:
         self.steps = steps / np.linalg.norm(steps, axis=1, keepdims=True)
 
     def _without_mean(self, x: np.ndarray) -> np.ndarray:
-        """Return whitened series x (P, K, n) without the part of a constant μ."""
+        """Return whitened series (P, K, n) without the contribution of their mean μ.
+
+        ``x`` (P, K, n) contains n series of K values, each whitened with the noise covariances of P
+        noise models. Before whitening, a series is a constant μ plus noise. The function estimates
+        μ by least squares and subtracts the whitened constant.
+        """
         e = self.constant[:, :, None]
         return np.asarray(x - e * (e * x).sum(axis=1, keepdims=True))
 
     def likelihood_ratio(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return LR (n,) of n series x (K, n), and the index (n,) of each one's noise (T, r).
+        """Return the likelihood ratios LR (n,) of n series, and indices (n,) of noise models.
 
-        The noise is the one with the largest likelihood without a step.
+        ``x`` (K, n) contains n series of K values. LR is 2 ln L with the best step, minus 2 ln L
+        without a step. The likelihood L is maximised over the P noise models of the class. The
+        second result is, for each series, the index of the noise model with the largest likelihood
+        without a step.
         """
         z = self._without_mean(self.whiten @ x)
         square = (z**2).sum(axis=1)

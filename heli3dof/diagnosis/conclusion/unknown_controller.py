@@ -82,13 +82,18 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return the base ``parameters`` whose deviation from nominal improves held-out predictions.
+    """Return those ``parameters`` whose deviation from nominal improves held-out predictions.
 
-    For each parameter, two models predict the held-out data. In the first (``fit``), all base
-    parameters have their fitted values. In the second, the tested parameter has the profile's
-    value, and the other parameters are refitted. The deviation is confirmed if the first model has
-    a smaller RMSE on an axis, significantly and by more than encoder rounding. ``after``: results
-    of the first model.
+    Each of the ``parameters`` differs from nominal: thrust gain, trim torque or an inertia. To test
+    one of them, two models predict the held-out data:
+
+    1. In the first model, ``fit``, all parameters have their fitted values. ``after`` contains the
+       results of this model.
+    2. In the second model, the tested parameter has the profile's value. The other parameters are
+       refitted.
+
+    The deviation is confirmed if the first model has the smaller RMSE on an axis. The difference
+    must be significant, and larger than the encoder's rounding.
 
     The thrust gain is an exception, because no fit estimates it: a wrong thrust gain changes the
     fitted trim torque and inertias by one factor. To test the thrust gain, the second model has the

@@ -40,10 +40,15 @@ ARMS = {"roll": "L_a", "pitch": "L_h", "yaw": "L_a"}
 def wrong_lengths(profile: Profile, ratios: Mapping[str, Measured]) -> dict[str, float]:
     """Return corrected lengths {name: m} with which all inertias agree with the profile.
 
-    ``ratios`` contains the fitted ratios K_f/J (`identification.profile_update.ratios`), in which
-    an error of the thrust gain K_f cancels. The result is empty if none of the usual mistakes
-    brings all three ratios within the profile's tolerance, or if no inertia is far from nominal
-    (`is_far`).
+    ``ratios`` contains the ratios of the thrust gain K_f to the fitted inertias J
+    (`identification.profile_update.ratios`). A flight determines K_f/J, but neither K_f nor J
+    alone. The function tries the usual mistakes in lengths, such as twice the true value. It
+    returns the true lengths for the mistake with which the inertias fit best. The result is empty
+    in three cases:
+
+    - A ratio is missing.
+    - No inertia is far from nominal (`is_far`).
+    - With each of the mistakes, an inertia is outside the profile's tolerance.
     """
     fitted = {a: ratios[f"K_f/J_{a}"] for a in AXES if f"K_f/J_{a}" in ratios}
     if len(fitted) < len(AXES) or not any(map(is_far, fitted.values())):
@@ -80,9 +85,11 @@ def _mistakes(profile: Profile) -> Iterator[dict[str, float]]:
 def _deviations(
     profile: Profile, lengths: Mapping[str, float], fitted: Mapping[str, Measured]
 ) -> np.ndarray:
-    """Return ln(expected J/fitted J) of the three inertias (3,), if ``lengths`` are the true ones.
+    """Return ln(J_expected/J_fitted) of the three inertias (3,).
 
-    The thrust gain is taken as the profile's.
+    ``lengths`` {name: m} are assumed to be true lengths, which differ from those of the profile.
+    A fit with the profile's lengths would then give the inertias J_expected. ``fitted`` contains
+    the ratios K_f/J_fitted; the thrust gain K_f is assumed to be the profile's.
     """
     geometry = profile.geometry.model_copy(update=dict(lengths))
     J = profile.model_copy(update={"geometry": geometry}).inertias

@@ -12,10 +12,12 @@ d (R,) of r. If r is linear in the parameters, the effect decreases the minimum 
 
 The parts with H⁻¹ project out the fit's parameters, as in `search.score_test`.
 
-An effect may be confounded with a cause of the fit. Let w (R,) be the change of r if the cause is
-removed, and d̃ (R,) the change of r if the effect is added. The fit's other parameters are projected
-out of both. Removal of the cause increases Q. To first order, the effect then reduces this increase
-by the share ρ² = (d̃·w)²/(d̃·d̃ w·w). It may be confounded with the cause if |ρ| > `CORRELATED`.
+A tested effect may be confounded with a cause that the fitted model already contains. If the cause
+is removed from the model, r changes by w (R,). If the effect is added to the model, r changes by
+d̃ (R,). In w and d̃, all fitted parameters except those of the cause are projected out. Removal of
+the cause increases Q. To first order, addition of the effect cancels the share
+ρ² = (d̃·w)²/(d̃·d̃ w·w) of this increase. If |ρ| > `CORRELATED`, the effect may be confounded with
+the cause.
 """
 
 from __future__ import annotations

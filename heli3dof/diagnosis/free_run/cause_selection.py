@@ -17,10 +17,9 @@ is below dᵀ C⁻¹ d. A term is a cause if all of these hold:
 - The estimates from the two halves of the data agree, and both are significant (see below). A term
   known beforehand need not be significant.
 
-All other terms stay in the model with their priors. The rig may have such an effect although the
-recordings do not show it. If the rig has the effect, a model with the effect predicts new motion
-better than a model without it. For this, the effect's size in the model must be one that the prior
-considers likely.
+All other terms stay in the model, because the rig may have such an effect although the recordings
+do not show it. Their priors keep the estimated sizes realistic. If the rig has the effect, the
+model then predicts new motion better than a model without the effect.
 
 **Trim torque.** A multi-step fit estimates the trim torque T_g and, for each recording, an
 additional torque τ_i (`mass.imbalance`). The recordings determine T_g + τ̄, where τ̄ is the mean of

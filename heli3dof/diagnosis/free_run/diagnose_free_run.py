@@ -1,7 +1,7 @@
-"""Diagnose logs without a usable likelihood, by a multi-step fit and backward elimination.
+"""Diagnose logs by a multi-step fit and backward elimination, if their likelihood is not valid.
 
-Such logs have an unknown controller, and sampling jitter or unmodelled fast motion
-(`identification.greybox.noise_check`).
+The likelihood of a fit to such logs is invalid because of sampling jitter or unmodelled fast motion
+(`identification.greybox.noise_check`). Their controller is unknown.
 
 1. Two models are fitted to predictions of up to 3 s. The base simulation is the equations of motion
    without any effect. The full model also has the effects usual on real rigs (its terms).

@@ -89,10 +89,12 @@ def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiSte
 def warm_fit(
     full: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
 ) -> MultiStepFit:
-    """Return the fit of ``new``, started from z (dim,) and D = ∂r/∂z (dim, R).
+    """Return the fit of the problem ``new``; its search starts at the scaled parameters z (dim,).
 
-    z are the scaled parameters, r (R,) the residuals. The error scales are those of ``full``.
-    ``fresh``: number of times D may be recomputed. If D is None, it is computed at z.
+    ``D`` (dim, R) contains the derivatives ∂r/∂z of R residuals r at the start, at least
+    approximately. If D is None, the function computes it. ``fresh``: number of times that the
+    search may recompute D. A residual is a prediction error divided by an RMS error. The RMS errors
+    are those of the fit ``full``.
     """
     r = follow_on(least_squares(full, new), z, D, settled=SETTLED, fresh=fresh)
     return MultiStepFit(new, r.z, full.noise, full.scale, r.cost, r.tangents, r.rounds, r.settled)

@@ -4,17 +4,19 @@ A free-run fit minimises the errors of multi-step predictions
 (`heli3dof.identification.greybox.multistep`). A parameter θ of an effect is open if the fit does
 not show whether θ differs from θ_0, the value without the effect.
 
-**Information before the flight.** The fit has n parameters common to all recordings. Some of them
-also have a separate value in each recording. The fit's information matrix of all these values is
-D Dᵀ + Λ. D are the derivatives of the residuals, and Λ is the prior's precision. H_now (n, n)
-follows from it by elimination of the separate values. So σ_now² = diag H_now⁻¹ are the variances of
-the common parameters.
+**Information before the flight.** The fit estimates n parameters, each with one value that is
+common to all recordings. Some of them also have a separate value in each recording. The fit's
+information matrix of all these values is D Dᵀ + Λ. D contains the derivatives of the fit's
+residuals with respect to the values, and Λ is the precision matrix of the prior. H_now (n, n) is
+the Schur complement that eliminates the separate values. So the common values have the variances
+σ_now² = diag H_now⁻¹.
 
 **Information after the flight.** Each plan is simulated on the fitted model with noise, encoders
-and the default controller. The residuals are computed with the scales of the fit, and D_p are their
-derivatives. b are the separate values of the new recording. Λ_b is the part of the prior's
-precision that couples b to the common values. With block A for the common parameters and block C
-for b,
+and the default controller. The simulated flight has separate values b of its own. Their prior is a
+normal distribution about the common values. Λ_b is its precision matrix, for the common values and
+b together. D_p contains the derivatives of the simulated flight's residuals with respect to the
+common values and b. (The residuals are prediction errors, weighted as in the fit.) Block A belongs
+to the common values, block C to b:
 
     D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag [(H_now + A − B C⁻¹ Bᵀ)⁻¹]
 
@@ -214,11 +216,12 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 
 
 def coupling(p: MultiStep) -> np.ndarray:
-    """Return Λ_b (dim, dim): the prior's precision that couples separate values to common values.
+    """Return Λ_b (dim, dim): the precision matrix of separate values about the common values.
 
     ``p`` has dim unknowns: the common values of its parameters, and for some parameters also a
     separate value in each recording. The prior of a separate value is normal about the common
-    value. Λ_b is the prior's precision of all unknowns, minus that of the common values alone.
+    value. The common values also have a prior of their own. Λ_b is the precision matrix of the
+    whole prior without that part.
     """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=()).prior

@@ -108,7 +108,12 @@ class Hypothesis:
         return model_at(self.problem, self.theta, self.noise)
 
     def fit(self, data: Data) -> Optimum:
-        """Return the fit of this model to ``data``, searched from its parameters and noise."""
+        """Return the fit of this model to ``data``.
+
+        The search for the maximum of the likelihood starts at the model's parameters and noise
+        intensities. If the cause has a grid of trial values (`Effect.starts`), the search starts at
+        the best of them.
+        """
         problem, theta, noise = replace(self.problem, data=data), self.theta, self.noise
         if self.term is not None and self.term.effect.starts:
             n = len(theta) - len(self.term.effect.parameters)
@@ -267,16 +272,16 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
         return None
 
 
-def _if_certain(recommended: NextExperiment, known: str) -> NextExperiment | None:
-    """Return the recommendation with ``known`` added to its reason, or None.
+def _if_certain(recommended: NextExperiment, clause: str) -> NextExperiment | None:
+    """Return the recommendation with ``clause`` added to its reason, or None.
 
-    The result is None if a flight of the recommended plan decides with a probability below
-    `MIN_CERTAINTY`. ``known``: a clause that states what the recordings already show about the
-    cause that the flight tests.
+    The recommended flight should show whether the rig has a certain cause. The function returns
+    None if the probability that the flight shows this is below `MIN_CERTAINTY`. ``clause`` states
+    what the recordings already show about the cause.
     """
     if (recommended.certainty or 0.0) < MIN_CERTAINTY:
         return None
-    return replace(recommended, why=f"{recommended.why}, {known}")
+    return replace(recommended, why=f"{recommended.why}, {clause}")
 
 
 def _why(best: PlanForecast, names: Sequence[str], decisive: float = TIE) -> str:

@@ -181,11 +181,12 @@ def fit_candidates(
     backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
     def scored(term: Term, fit: Optimum, shifts: int = 0) -> float | None:
-        """Return the score of ``fit``, which contains ``term``.
+        """Return the score of ``fit``: its gain in BIC over the current fit, which lacks ``term``.
 
-        The score is None if the fit diverged, or if a parameter of the term ended at a bound.
-        Estimated time shifts of recordings may give a periodic torque the same phase in all of
-        them. ``shifts``: number of these time shifts; each counts as one parameter in the score.
+        The score is None if the fit diverged, or if a parameter of the term ended at a bound. A
+        periodic torque has a different phase in each recording. So the time of each recording is
+        shifted until the torque has the same phase in all recordings. ``shifts``: number of these
+        time shifts; each counts as one parameter in the score.
         """
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None

@@ -1,11 +1,12 @@
-"""List the candidate terms of a base simulation, and the parameter values at which to test them.
+"""List the terms that a diagnosis may add to a model, and the values at which to test them.
 
 A *term* is an effect on one of its axes, or an effect without axes. A *probe* is a term with trial
 values of its parameters, at which the score test (`search.score_test`) evaluates it. One small
 value is enough for an effect that is proportional to its parameter (friction, stiffness, torque).
-An effect whose shape depends on its parameters (lag, limit, dead zone) has several probes. A
-periodic torque is tested at every frequency instead, a mass change at every instant. This search is
-a *scan* (`bias_correction.scans`).
+An effect whose shape depends on its parameters (lag, limit, dead zone) has several probes.
+
+Two effects have no probes. A periodic torque is tested at every frequency, a change of mass at
+every instant. Such a test is a *scan* (`bias_correction.scans`).
 """
 
 from __future__ import annotations
@@ -64,16 +65,22 @@ def candidates(
     return out
 
 
-def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
-    """Return the terms on ``axes`` that no score test detects (backlash), except ``without``."""
+def terms_without_score(omitted: Sequence[str], axes: Sequence[str]) -> list[Term]:
+    """Return the terms on ``axes`` that no score test detects, such as backlash.
+
+    ``omitted``: names of terms to leave out.
+    """
     effects_with_grid = [e for e in effects().values() if e.starts and e.hooks]
-    return [t for e in effects_with_grid for t in on_each_axis(e, axes, without)]
+    return [t for e in effects_with_grid for t in on_each_axis(e, axes, omitted)]
 
 
-def on_each_axis(effect: Effect, axes: Sequence[str], without: Sequence[str]) -> list[Term]:
-    """Return the effect's term on each of its axes among ``axes``, except the terms ``without``."""
+def on_each_axis(effect: Effect, axes: Sequence[str], omitted: Sequence[str]) -> list[Term]:
+    """Return the effect's terms: one for each of the ``axes`` on which the effect can act.
+
+    An effect without axes has a single term. ``omitted``: names of terms to leave out.
+    """
     where = [a for a in AXES if a in effect.axes and a in axes] if effect.axes else [None]
-    return [t for t in (Term(effect, a) for a in where) if t.name not in without]
+    return [t for t in (Term(effect, a) for a in where) if t.name not in omitted]
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
@@ -93,6 +100,9 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
-    """Return a `Scan` for each term whose frequency or instant is found by trying all of them."""
+    """Return a `Scan` for each of the ``terms`` that is tested at every frequency or start time.
+
+    These terms are a periodic torque and a change of mass. The other terms have no scan.
+    """
     kinds: dict[str, type[Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

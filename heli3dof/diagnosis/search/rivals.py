@@ -1,18 +1,19 @@
 """Compare causes by flights simulated from each: Cox's test of separate hypotheses (1961).
 
-Usually the BIC scores of the candidates decide which one is the cause (`search.select`). The scores
-rely on a linear correction for the bias of the score test (`bias_correction.corrected_maximum`).
-This bias is z̄, the mean of a candidate's score z over null simulations, which contain no effect
-(`search.nulls`). κ is the variance inflation of the scores in these simulations. Cox's test does
-not use the linear correction. It replaces the BIC scores in two cases. "Rivals" are the candidates
-to compare:
+Usually the candidates' scores, their gains in BIC, decide which one is the cause (`search.select`).
+The scores rely on a linear correction for bias (`bias_correction.corrected_maximum`). The bias of a
+candidate is z̄: the mean of its score-test statistic z over null simulations, which contain no
+effect (`search.nulls`). κ is the variance inflation of z in these simulations.
+
+Cox's test does not use the linear correction. The candidates that it compares are called rivals.
+The test decides in place of the scores in two cases:
 
 1. The bias is too large for a linear correction: |z̄|/√κ > `SIGMAS_997` for one of the rivals. An
    encoder limit cycle causes such a bias.
 2. Rivals are confounded only because of ε, the uncertainty of the linear correction
    (`search.select`). The number of null simulations is small, so z̄ and ε depend on their random
-   seed. If the BIC scores decided this case, the seed might determine whether rivals are reported
-   as confounded.
+   seed. If the scores decided this case, the seed might determine whether rivals are reported as
+   confounded.
 
 Each rival is fitted (`bias_correction.correction`), and B flights are simulated from each fit. For
 the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their log-likelihoods for the recordings.
@@ -20,7 +21,7 @@ In the flights simulated from k, the same difference has the mean m_k and the st
 s_k. The simulations give the density f_k of d_jk for the case that k is the cause. t is the density
 of Student's distribution with B − 1 degrees of freedom:
 
-    f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
+    f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln [f_k(d_jk)/f_j(d_jk)]
 
 W_kj is twice the log odds of k against j. The chosen cause is the rival k with the largest
 min_{j≠k} W_kj. Rivals j with W_kj < `TIE` are confounded with k. The confidence in k is at most the

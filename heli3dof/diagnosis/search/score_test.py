@@ -79,9 +79,10 @@ first readings in B blocks (n, B, 3). The last two are None if the effect change
 class Screen:
     """Rao's score test of all candidate effects, at the parameters of one fit.
 
-    `score` applies the test to the recordings or to a null simulation: a flight simulated from the
-    fitted model, without any of the candidates. In both cases, z = u/√v is computed with the
-    Fisher information v of the recordings.
+    `score` returns the test statistic z = u/√v of each effect. It tests the recordings, or a null
+    simulation: a flight simulated from the fitted model, without any of the candidates. u is the
+    efficient score of the tested flight, the derivative of its log-likelihood with respect to the
+    effect's size. v is the Fisher information on this size. It is always that of the recordings.
 
     - ``recorded``: the Kalman filter's run over the recordings
     - ``probes``: candidate effects with trial values of their parameters

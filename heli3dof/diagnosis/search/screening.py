@@ -67,10 +67,12 @@ class Screening:
 
     @cached_property
     def not_identifiable(self) -> tuple[str, ...]:
-        """Return the terms that the recordings do not determine, the best determined first.
+        """Return the names of the terms whose size the recordings do not determine.
 
-        The standard deviation σ of their first parameter is so large that `SIGMAS_997` σ exceeds
-        `LARGE` typical sizes. A voltage limit is included if the recorded voltages never reach it.
+        The size is the term's first parameter. Let σ be the standard deviation of the size, and s
+        its typical value. The result contains the terms with `SIGMAS_997` σ > `LARGE` s. The term
+        with the smallest σ/s is first. A voltage limit is included if the recorded voltages never
+        reach it.
         """
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._size_std, self.screen.v, strict=True):
@@ -92,11 +94,12 @@ class Screening:
 
     @cached_property
     def _size_std(self) -> np.ndarray:
-        """Return the standard deviation of each effect's size, if the score test estimates it.
+        """Return the standard deviation of an effect's size, for each element of ``screen.plain``.
 
-        The size is the value of the effect's first parameter, in its unit. There is one element for
-        each test at fixed trial values. Torques that are tested at every frequency or start time
-        are omitted.
+        An element of ``screen.plain`` is an effect with trial values of its parameters. The size is
+        the effect's first parameter, in its unit; the score test estimates it. The standard
+        deviation is practically infinite if the recordings contain no information on the size. This
+        also applies to a voltage limit, which has no size.
         """
         plain, v = self.screen.plain, self.screen.v
         size = np.array([np.inf if p.size is None else p.size for p in plain])

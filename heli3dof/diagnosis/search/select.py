@@ -1,32 +1,39 @@
-"""Choose the next cause of a step, or none, from the score test and from refits.
+"""Choose the next cause in a forward selection of effects, by score tests and refits.
 
-Z² of the score test (`search.screening`) shows whether any effect is present. Then the model is
-refitted with each of the best candidates added (`search.candidate_fits`). The score of a refit, its
-gain in BIC, shows which candidate is the cause. The log-likelihood in BIC is bias-corrected. The
-current fit, without a further cause, has the score 0.
+A forward selection adds one cause to the model in each step. The candidates are the effects that
+the current model lacks. A step uses two statistics of each candidate:
+
+- Z² is the standardised statistic of its score test (`search.screening`). A large Z² shows that
+  some effect is present.
+- S, called the *score*, is the gain in BIC if the model is refitted with the candidate added
+  (`search.candidate_fits`). It shows which candidate is the cause. The log-likelihood in BIC is
+  corrected for bias. The current model has S = 0.
 
 Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
 
     min(S − S′, (1 − ρ²) S) < max(`TIE`, `FORMULA_ERROR` · S) + 2 √S ε √(2 (1 − |ρ|))
     ε² = (`DRIFT` z̄)²/κ + 1/B
 
-- ρ is the correlation between the changes of the predicted readings that the two candidates cause
-  (`Screen.correlation`). If the first candidate is the cause, the second one is expected to explain
-  the share ρ² of S. So the expected value of S − S′ is (1 − ρ²) S. If S − S′ is larger, the excess
-  is due to chance or to an inexact formula of an effect. The excess is no evidence against the
-  second candidate, so the criterion uses the smaller of the two numbers.
-- ε is the uncertainty of the bias correction, in standard deviations. z̄ is the mean of a
-  candidate's score z over B null simulations, which contain no further effect (`search.nulls`). The
-  larger |z̄| of the two candidates counts. `DRIFT` is the assumed relative error of z̄. κ is the
-  variance inflation of z in these simulations.
-- ρ and ε count as 0 if one of the candidates has no score test, or has a score test that is a
-  maximum over all frequencies or start times.
+- ρ is a correlation (`Screen.correlation`). Each of the two candidates changes the predicted
+  encoder readings, and ρ is the correlation of these changes. If the first candidate is the cause,
+  the second one is expected to explain the share ρ² of S. So the expected value of S − S′ is
+  (1 − ρ²) S. If S − S′ is larger, the excess is due to chance or to an inexact formula of an
+  effect. The excess is no evidence against the second candidate, so the criterion uses the smaller
+  of the two numbers.
+- ε is the uncertainty of the bias correction, in standard deviations of z. z is the statistic of
+  the score test before it is standardised. z̄ is its mean, and κ its variance inflation, in B null
+  simulations, which contain no further effect (`search.nulls`). The larger |z̄| of the two
+  candidates counts. `DRIFT` is the assumed relative error of z̄.
+- The last term of the criterion is the standard deviation of S − S′ due to ε.
+- A candidate may have no score test, or one that is a maximum over all frequencies or start times.
+  If one of the two candidates is of this kind, ρ and ε count as 0.
 
 `best_choice` applies these rules:
 
 1. If the best score is below `TIE`, no effect is a cause.
-2. A candidate qualifies if its Z² reaches its threshold (`Nulls.threshold_of`). In addition, its
-   score must reach the same threshold, or it must be confounded with the best candidate.
+2. A candidate qualifies if its Z² reaches the threshold of its score test (`Nulls.threshold_of`).
+   In addition, S must reach the same threshold, or the candidate must be confounded with the
+   candidate of the best score.
 3. The qualified candidate with the highest score is chosen. Candidates with still higher scores did
    not qualify: their scores may be bias. They are reported as confounded with the chosen one.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs a
@@ -95,9 +102,11 @@ def choose(
 ) -> Choice | None:
     """Return the next cause to add to the fit ``s.fit``; None if there is none.
 
-    ``earlier_score``: largest score of the earlier causes, None without an earlier cause.
-    ``tried``: terms that the score test cannot detect. They were evaluated at trial values, and are
-    refitted here like the terms with a large Z².
+    ``s`` contains Z² of each candidate term, the statistic of its score test. The function refits
+    the model several times, each time with one term added. It adds the terms with a large Z², and
+    those in ``tried``. ``tried`` contains terms that the score test cannot detect (backlash). The
+    refits' scores, their gains in BIC, determine the cause. ``earlier_score``: largest score of the
+    earlier causes, None without an earlier cause.
     """
     ranked = candidates_to_fit(s)
     formal = [r for r in s.ranked if r[0].effect.formal and s.nulls.threshold_of(r[0]) <= r[1]]
@@ -168,9 +177,10 @@ def certainty(scores: Sequence[float]) -> float:
 
 
 def least_difference(score: float) -> float:
-    """Return the least difference of two scores that is not due to chance or an inexact formula.
+    """Return the least difference of two candidates' scores that counts as evidence.
 
-    ``score``: the higher of the two scores. The error of the bias correction is not included.
+    A smaller difference may be due to chance, or to an inexact formula of an effect. ``score`` is
+    the higher of the two scores. The error of the bias correction is not included.
     """
     return max(TIE, FORMULA_ERROR * score)
 

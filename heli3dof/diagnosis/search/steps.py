@@ -268,11 +268,12 @@ def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> Correcte
 
 
 def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
-    """Return the fit of the base simulation, with the same form of the equations as in ``fit``.
+    """Return a fit without the causes, but with the same form of the equations as in ``fit``.
 
-    The ``formal`` terms of ``fit`` change the form of the rigid body's equations. If ``fit`` has
-    none, the result is ``base``. Otherwise all terms that are neither ``formal`` nor in ``base``
-    are removed from ``fit``, and the others are refitted.
+    ``base`` is the fit of the model to which the search adds causes. ``fit`` contains the added
+    causes. It may also contain terms that only change the form of the rigid body's equations
+    (`Effect.formal`). Without such terms, the result is ``base``. Otherwise the function removes
+    the causes from ``fit`` and refits the other terms.
     """
     if not fit.structure.formal:
         return base

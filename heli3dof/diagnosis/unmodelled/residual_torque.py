@@ -52,7 +52,11 @@ MIN_RANGE_PRODUCT = 1e-3  # the same for the products
 
 @dataclass(frozen=True, eq=False)
 class LinearisedRun:
-    """A filter run over the N rows of ``data``, and the model's derivatives at its states."""
+    """A run of the Kalman filter over N rows of data, and the model's derivatives in each row.
+
+    The model's equations are linearised at the state that the filter estimated in this row. q (rad)
+    are the angles, q̇ and q̈ their rates and accelerations, τ (N·m) the torques on the axes.
+    """
 
     data: Data
     at: FilterRun
@@ -198,10 +202,12 @@ def along(
 
 @dataclass(frozen=True, eq=False)
 class Hats:
-    """The hat (triangular) functions of M variables, each as a torque on each of A axes.
+    """Hat (triangular) functions of M variables on A axes: basis functions of a residual torque.
 
-    The hat functions have the index (axis · M + variable) · `KNOTS` + knot. Axis, variable and knot
-    are indices from zero.
+    Each hat function is a torque on one axis, and depends on one variable, such as an angle. It is
+    1 at one of the variable's `KNOTS` knots. From there it falls linearly to 0 at the neighbouring
+    knots. Axes, variables and knots are counted from zero. The hat function of a given axis,
+    variable and knot has the index (axis · M + variable) · `KNOTS` + knot.
     """
 
     variables: tuple[str, ...]

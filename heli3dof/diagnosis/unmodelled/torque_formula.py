@@ -10,15 +10,17 @@ estimate of c with its standard deviation, are
 - v: Fisher information of c
 - κ: variance inflation of the fit's scores (`Estimate.inflation`), near 1 for a valid likelihood
 
-The largest S determines the formula. If the S of several φ are within κ `constants.TIE` of the
-largest, the one with the fewest factors is proposed, and the others are reported as alternatives.
-But S is only an approximation. So the model is refitted with this φ, and with the φ of largest S.
-If 2 ln L of the first refit is lower by more than κ `TIE`, the φ of largest S is proposed.
+Let φ_1 be the φ with the largest S. It is proposed unless a simpler φ is nearly as good. Several φ
+may have an S within κ · `constants.TIE` of the largest. φ_2 is the one of them with the fewest
+factors. If φ_2 differs from φ_1, the model is refitted twice, once with each of them, because S is
+only an approximation of the increase of 2 ln L. φ_2 is proposed unless its 2 ln L is lower by more
+than κ · `TIE`. The other φ within κ · `TIE` are reported as alternatives.
 
 **Curve.** The formula is compared with a curve: a piecewise linear torque of one variable
-(`unmodelled.residual_torque`). S_curve is the statistic of the same test of the curve's
-coefficients, r the rank of their information matrix. The curve has r − 1 more parameters than the
-formula. The formula is proposed if BIC does not justify these parameters (N filter updates):
+(`unmodelled.residual_torque`). The same score test of the curve's coefficients has the statistic
+S_curve. r is the rank of the information matrix of these coefficients. The curve has r − 1 more
+parameters than the formula. The formula is proposed if BIC does not justify these parameters
+(N filter updates):
 
     S_curve − S < κ (r − 1) ln N
 

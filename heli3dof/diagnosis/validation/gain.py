@@ -1,11 +1,11 @@
 """Compute the gain of an extended model on held-out data, with bootstrap intervals.
 
-The gain is the decrease of the prediction error ΔRMSE and the increase of the log-likelihood Δℓ.
-The base simulation (before) and the model extended by effects (after) are evaluated on the same
-rows (`validation.cross_validation`). The base simulation is refitted, so calibration alone is no
-gain.
+The gain compares two models on the same rows (`validation.cross_validation`). The model "after" has
+additional effects, which the model "before" lacks. The parameters of both models are fitted. So
+better values of the same parameters do not count as a gain. The gain consists of ΔRMSE_i, the
+decrease of the prediction error of axis i, and Δℓ, the increase of the log-likelihood:
 
-    ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
+    ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       (°), for predictions over 1 s
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
 The 95 % intervals come from a block bootstrap. Its blocks are time intervals of `CELL_S` seconds

@@ -174,10 +174,11 @@ def rows_of_recordings(d: Data) -> list[tuple[int, int]]:
 def with_own_values(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
 ) -> np.ndarray:
-    """Return θ (n,) with the parameters that differ between recordings re-estimated.
+    """Return the scaled parameters θ (n,), in part estimated again for a single recording.
 
-    These are the phase of a periodic torque and the instant of a mass change. Their values maximise
-    the likelihood of the recording in ``rows`` [a, b). The other parameters keep their values.
+    Two parameters differ between recordings: the phase of a periodic torque, and the instant of a
+    change of mass. Their new values maximise the likelihood of the recording in ``rows`` [a, b).
+    All other parameters keep their values in ``theta``.
     """
     theta = theta.copy()
     d = problem.data

@@ -6,13 +6,15 @@ thrusts F (N) in a step, q̈ (rad/s²) the acceleration at the middle of the ste
 
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
-`prediction_variances` propagates the covariance P of the states (angles and rates) as the filter
-`heli3dof.model.estimation.ekf_quantised` does. A run of this filter gives two numbers for each
-measurement update of one state c: w, the information of the reading on c, and K_c, the variance of
-c before the update. Gaussian measurement noise of variance R would give w = 1/(K_c + R). So each
-update is replaced by a linear one with this R (P_c: column c of P):
+`prediction_variances` propagates the covariance P of the states x (angles and rates), as the filter
+`heli3dof.model.estimation.ekf_quantised` does. Each update of this filter is a measurement of one
+state x_i, an angle or a rate. ln L is the measurement's log-likelihood as a function of the
+predicted x_i. A run of the filter gives K_i, the variance of x_i before the update, and
+w = −∂² ln L/∂x_i². A measurement with Gaussian noise of variance R would give w = 1/(K_i + R). So
+`prediction_variances` replaces each update by that of a linear Kalman filter with this R (P_i:
+column i of P, P_ii: its diagonal element):
 
-    R = 1/w − K_c,      P ← P − P_c P_cᵀ/(P_cc + R)
+    R = 1/w − K_i,      P ← P − P_i P_iᵀ/(P_ii + R)
 """
 
 from __future__ import annotations

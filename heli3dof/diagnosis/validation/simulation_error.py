@@ -3,8 +3,8 @@
 The noise floor is the error that the true model would have. It should be computed for the model
 with the effects found: a fit without these effects attributes them to noise. If the controller is
 known, the floor due to white noise is the model's error on flights simulated with the model. If the
-controller is unknown, this floor is √(P + Δ²/12). P is the variance of the angle that the filter
-predicts for the horizon, Δ the encoder step. The variance due to coloured noise is added.
+controller is unknown, this floor is √(P + d²/12). P is the variance of the angle that the filter
+predicts for the horizon, and d is the encoder step. The variance due to coloured noise is added.
 
 The worst interval of an axis is the time interval of `WORST_S` in which predictions over
 `HORIZON_S` have the largest mean square error.
@@ -161,10 +161,14 @@ def noise_floor_deg(
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
 
-    Without coloured noise, the floor is the model's RMS prediction error in flights that the model
-    simulates. There are ``flights`` of them for each recording. If the controller is unknown, or a
-    simulated flight has no usable rows (as with an unstable model), the filter's covariance gives
-    this floor instead.
+    The noise floor is the RMS error of predictions over H horizons if ``model`` is the true model.
+    Its square is the sum of two variances. `coloured_variance` gives the variance due to coloured
+    noise. The variance due to white noise is the mean square prediction error in flights that the
+    model itself simulates, ``flights`` of them for each recording. In two cases, the filter's
+    covariance gives the variance due to white noise instead:
+
+    - The controller is unknown.
+    - A simulated flight has no usable rows, as with an unstable model.
     """
 
     def simulated(replication: int) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -250,17 +254,19 @@ def acceleration_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray
 
 
 def _rho(series: Sequence[np.ndarray], nulls: Sequence[np.ndarray], horizon_s: float) -> float:
-    """Return ρ: a prediction error's variance, divided by the variance with white process noise.
+    """Return ρ: the variance of a prediction error, relative to that with white process noise.
 
-    The prediction is of one axis over one horizon. ``series``: for each recording, this axis'
-    column (m,) of the result of `acceleration_scores`. ``nulls``: the same for flights simulated
-    with white noise.
+    The prediction is of one axis over ``horizon_s``. ρ is computed from autocorrelations (equation:
+    see the module), and is 1 unless it is significantly larger. ``series`` contains one array (m,)
+    for each recording: this axis' column of the result of `acceleration_scores`. ``nulls`` contains
+    the same arrays for flights simulated with white noise. Encoder quantisation correlates their
+    values, too. So the function subtracts their autocorrelations from those of ``series``.
 
     >>> rng = np.random.default_rng(0)
     >>> white = rng.standard_normal(40_000)
     >>> _rho([white], [], 1.0)
     1.0
-    >>> slow = np.convolve(white, np.ones(10))  # a mean over 0.5 s: r_l = 1 − l/10
+    >>> slow = np.convolve(white, np.ones(10))  # autocorrelation at lag l: 1 − l/10
     >>> x = np.arange(1, 10) / 20
     >>> exact = 1 + 2 * ((1 - 1.5 * x + x**3 / 2) * (1 - 2 * x)).sum()
     >>> bool(abs(_rho([slow], [white], 1.0) / exact - 1) < 0.05)
