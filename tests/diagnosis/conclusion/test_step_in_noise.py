@@ -1,4 +1,4 @@
-"""A step is told from coloured noise by the likelihood ratio of the module's equations."""
+"""A step is distinguished from coloured noise by the likelihood ratio of the module's equations."""
 
 from __future__ import annotations
 
