@@ -163,9 +163,10 @@ def identify(
 
 
 def without_axes(found: FitResult, still: Sequence[str]) -> FitResult:
-    """Return the fit without parameters and transfer functions of the axes ``still``.
+    """Return the fit without the results for the axes ``still``, which did not move.
 
-    These axes did not move. The model has the profile's values for them; a warning states this.
+    The returned fit omits the parameters and transfer functions of these axes. The model has the
+    profile's values for them. A warning states this.
     """
     if not still:
         return found

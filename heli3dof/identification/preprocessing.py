@@ -1,19 +1,19 @@
 """Prepare recordings for a fit: check clocks, select rows, set held-out data aside, decimate.
 
-The amplifier holds the voltage V[k] of the sample at time t[k] until t[k+1]. So the mean voltage ū
-of q samples is *exactly* the integral of the input over their interval, divided by its length. With
-i the row of the decimated data and y its angles,
+The amplifier holds the voltage V[k] from the time t[k] of sample k until t[k+1]. Decimation
+combines q samples into one row. Row i has the mean voltage ū[i] and the angles y[i]. ū[i] is
+*exactly* the integral of the voltage over the time of these samples, divided by this time:
 
     ū[i] = Σ_{j=iq}^{iq+q−1} V[j] (t[j+1] − t[j]) / (t[(i+1)q] − t[iq]),      y[i] = angle[iq]
 
-Angles are sampled, not averaged. An average would include angles after t[iq], which already respond
-to ū[i].
+The angles are sampled, not averaged. An average would include angles after t[iq], which already
+respond to ū[i].
 
-A segment ends at a long gap in the clock and at a row that a linear model cannot use
-(`heli3dof.identification.row_selection`). A short gap ends no segment: the voltage was held, so its
-integral is known, and missing angles are interpolated linearly. Over a gap of g seconds and with an
-angular acceleration q̈, the interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and
-13 ms, less than an encoder count.
+A segment is a part of a recording without interruption. It ends at a long gap in the clock, and at
+a row that a linear model cannot use (`heli3dof.identification.row_selection`). A short gap ends no
+segment: the voltage was held, so its integral is known, and missing angles are interpolated
+linearly. During a gap of g seconds with the angular acceleration α, the interpolation error is at
+most |α| g²/8. It is 0.01°, less than an encoder count, for 10 rad/s² and 13 ms.
 """
 
 from __future__ import annotations

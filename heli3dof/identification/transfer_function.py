@@ -73,11 +73,13 @@ class TransferFunctions:
         return out
 
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the frequency response (F, 3, 2) in rad/V at ``omega`` (F,) rad/s, and its std.
+        """Return the frequency response (F, 3, 2) in rad/V, and its standard deviation.
 
-        With G = N/D, s = jω and ν the highest power of a polynomial:
+        ``omega`` (F,) are the F frequencies in rad/s. The response is G = N/D at s = jω, with the
+        polynomials N = Σ_k n_k s^{ν−k} and D = Σ_k d_k s^{μ−k}. Errors ∂n_k, ∂d_k of the
+        coefficients change G by
 
-            ∂G = Σ_k s^{ν−k} ∂n_k / D − G Σ_k s^{ν−k} ∂d_k / D
+            ∂G = Σ_k s^{ν−k} ∂n_k / D − G Σ_k s^{μ−k} ∂d_k / D
 
         The standard deviation is √(var Re G + var Im G); NaN if the covariance is unknown.
         """
@@ -140,8 +142,8 @@ class TransferFunctions:
 def polynomial(coefficients: np.ndarray, scale: float = 0.0) -> str:
     """Return a polynomial in s as text, with 4 digits; ``coefficients``: highest power first.
 
-    Leading coefficients below 1e-9 times the largest one, or times ``scale``, are omitted as
-    rounding errors.
+    A leading coefficient is omitted as a rounding error if it is below 1e-9 times the larger of two
+    numbers: the largest coefficient and ``scale``.
 
     >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
     's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'

@@ -65,7 +65,10 @@ class Metrics:
 
     @property
     def replay_note(self) -> str:
-        """Return the reason why no replay exists, or that it diverges; else an empty text."""
+        """Return a note on the replay, which is the closed-loop simulation with the model.
+
+        The note states why there is no replay, or that the replay diverges; otherwise it is empty.
+        """
         if self.no_replay or (self.replay.rmse < DIVERGED_RAD).all():
             return self.no_replay
         return "the loop with this model diverges"
@@ -93,9 +96,9 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the fit (%) and RMSE over all pairs of measured and predicted angles (N, 3) rad.
 
     A row is skipped if a measured or predicted angle in it is NaN. This rule ignores an axis that
-    was not measured (NaN in every row); the score of such an axis is NaN. The fit (equation: see
-    the module) is computed with the mean ȳ of each pair. It is NaN for an axis whose measured angle
-    is constant.
+    was not measured (NaN in every row); the score of such an axis is NaN. The equation of the fit
+    is in the module's docstring. Its ȳ is the mean measured angle of an axis, computed for each
+    pair separately. The fit is NaN for an axis whose measured angle is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:

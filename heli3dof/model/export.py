@@ -4,9 +4,10 @@ A model becomes a state-space model for MATLAB and Octave (version 5 MAT file)::
 
     x[k+1] = A x[k] + B (V[k] − u0_V)        y[k] = C x[k] + D (V[k] − u0_V) + y0_rad
 
-V are the voltages in V (front, back), y the angles in rad of the model's axes. D is zero. The
-variable Ts is the sample interval in s. The variables Ac, Bc, Cc, Dc are the same model in
-continuous time. A nonlinear model is linearised at level hover.
+V are the voltages in V (front, back), y the angles in rad of the model's axes. The operating point
+of the model has the voltages u0_V and the angles y0_rad. D is zero. The variable Ts is the sample
+interval in s. The variables Ac, Bc, Cc, Dc are the same model in continuous time. A nonlinear model
+is linearised at level hover.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ experiment (erratum E11). The table's "overshoot" is a peak value (E10).
 
 No number that involves the experiment or the identified model can be reproduced. The experiment's
 recording was never published: its sample rate, its start and the identified model's fit to it are
-unknown (E15). The identified model, eq (17), is unstable in closed loop with the gain K_g, both as
-printed and as corrected (E14).
+unknown (E15). The identified model is eq (17). With the gain K_g it is unstable in closed loop,
+whether eq (17) is read as printed or as corrected (E14).
 """
 
 from __future__ import annotations

@@ -156,7 +156,8 @@ def simulate_again(
 
 
 Start = tuple[np.ndarray, np.ndarray]
-"""Start of a search: parameters (n,) and noise (4,), which is process noise of 3 axes and jitter"""
+"""Start of a search: scaled parameters (n,), and the noise (4,). The noise is the process noise of
+roll, pitch and yaw (rad/s²/√Hz), then the sampling jitter (s)"""
 
 
 def correct(
@@ -260,7 +261,7 @@ def flight_derivatives(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """The log-likelihood's mean derivatives with respect to ln a; a: process noise of each axis.
+    """Mean derivatives of the log-likelihood with respect to ln a (a: process noise by axis).
 
     The means are over flights simulated with the parameters ``theta`` and the ``noise``.
     """
@@ -272,15 +273,18 @@ class NoiseScoreBias:
     theta: np.ndarray
     """(n,) scaled parameters θ of the flights"""
     noise: np.ndarray
-    """(4,) process noise of three axes, and jitter, of the flights"""
+    """(4,) noise of the flights: process noise of three axes, then sampling jitter"""
     sd: np.ndarray
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if the mean derivatives are not valid for ``theta`` (n,) and ``noise`` (4,).
+        """Return True if ``theta`` (n,) or ``noise`` (4,) is too far from that of the flights.
 
-        They are not valid if the parameters or the process noise differ by more than
-        `REUSED_WITHIN` from those of the flights over which the means were computed.
+        The mean derivatives ``slope`` and ``curvature`` come from flights that were simulated with
+        the parameters and the noise in this object. If the result is True, the mean derivatives
+        must be computed again. `REUSED_WITHIN` contains two limits. One is for the change of ln a
+        (a: process noise of an axis), the other for the change of a parameter in standard
+        deviations.
         """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()

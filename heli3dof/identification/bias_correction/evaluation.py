@@ -71,9 +71,10 @@ def evaluate(
 ) -> Evaluation:
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
-    ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter. Without
-    ``with_noise_derivatives``, the derivatives with respect to the noise are not computed. Their
-    fields are then 0 (first derivatives) and −1 (second derivatives).
+    ``theta`` (n,) are scaled parameters. ``noise`` (4,) is the process noise of roll, pitch and yaw
+    (rad/s²/√Hz), then the sampling jitter (s). Without ``with_noise_derivatives``, the derivatives
+    with respect to the noise are not computed. Their fields are then 0 (first derivatives) and −1
+    (second derivatives).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
@@ -126,12 +127,13 @@ def fixed_parameters(problem: Likelihood) -> np.ndarray:
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     """Return the derivatives ∂c/∂θ (n, E) of the filter's E predicted readings c.
 
-    Row j, for parameter j of ``theta`` (n,), is computed along the filter's states ``p`` by
-    `bias_correction.perturbation`. In two cases, `Likelihood.tangents` computes it by simulation
-    instead:
+    Row j contains the derivatives with respect to parameter j of ``theta`` (n,).
+    `bias_correction.perturbation` computes it along the filter's states ``p``. In two cases,
+    `Likelihood.tangents` computes it by simulation instead:
 
-    - The parameter's effect changes the encoder readings (`Stage.MEASURE`), such as backlash.
-    - The perturbation diverges (negative dry friction).
+    - Parameter j belongs to an effect that changes the encoder readings (`Stage.MEASURE`). Backlash
+      is such an effect.
+    - The perturbation diverges. Negative dry friction can cause this.
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

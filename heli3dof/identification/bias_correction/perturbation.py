@@ -146,9 +146,12 @@ def forward(
     """Return δc (J, E), the change of each predicted reading by each of J changes of the model.
 
     ``p`` contains a run of the Kalman filter, which predicts E encoder readings. ``a`` (J, C, 3)
-    are the changes of the accelerations (rad/s²) in C chunks (short time intervals). If a change of
-    the model also changes the encoder readings at given angles, ``m`` (J, E) and ``m0`` (J, B, 3)
-    are the two results of `misreading`; otherwise they are None.
+    are the changes of the accelerations (rad/s²) in C chunks (short time intervals).
+
+    ``m`` and ``m0`` are None, unless a change of the model also changes the encoder readings at
+    given angles. Then they are the two results of `misreading`: the changes ``m`` (J, E) of the E
+    readings, and the changes ``m0`` (J, B, 3) of the first readings in each of B blocks (runs of
+    rows without gaps).
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0

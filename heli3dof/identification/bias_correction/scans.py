@@ -1,22 +1,26 @@
-"""Test for a torque at every frequency, or from any instant on, by its score.
+"""Score test for a torque of unknown frequency, and for a torque that starts at an unknown instant.
 
-One Fourier transform or one running sum gives all scores. Time is divided into C short chunks.
-L (C, 3) is the derivative of the log-likelihood with respect to the acceleration of each axis in
-each chunk. L excludes the part that changes of the fitted parameters explain
-(`diagnosis.search.score_test`). e (C, 3) is the acceleration (rad/s²) that a unit torque causes.
-λ(t) = L·e, a sum over the axes, is the efficient score of a unit torque at time t.
+One Fourier transform gives the scores at all frequencies, one running sum those at all instants.
+Time is divided into C short chunks. L (C, 3) is the derivative of the log-likelihood with respect
+to the acceleration of each axis in each chunk. L does not contain the part that the fitted
+parameters can explain (`diagnosis.search.score_test`). e (C, 3) is the acceleration (rad/s²) that a
+unit torque causes. λ(t) = L·e, a sum over the axes, is the efficient score of a unit torque in the
+chunk at time t. The score u of the whole torque is
 
-    u(f) = Σ λ(t) exp(i 2π f t)      score; real part: cosine torque, imaginary part: sine torque
-    u(t_0) = Σ_{t ≥ t_0} λ(t)        score of a torque that starts at t_0
+    u(f) = Σ λ(t) exp(i 2π f t)      at frequency f; real part: cosine, imaginary part: sine torque
+    u(t_0) = Σ_{t ≥ t_0} λ(t)        for a torque that starts at the instant t_0
 
-The information v is computed at a few f or t_0 and interpolated. The result is the largest
-z² = |u|²/v.
+The Fisher information v on the torque is computed at a few f or t_0 and interpolated. The result is
+the largest z² = |u|²/v.
 
-A periodic torque has its own phase φ_r in each of R recordings. Let u_r be the part of u from
-recording r, and v_r that of v. Without a torque, S = Σ_r |u_r|²/v_r is χ² with 2 R degrees of
+A periodic torque may have a different phase φ_r in each of R recordings. Let u_r and v_r be the
+parts of u and v from recording r. Without a torque, S = Σ_r |u_r|²/v_r is χ² with 2 R degrees of
 freedom. `equivalent_z2` converts S to the z² with the same p-value for 2 degrees of freedom:
-z² = S − 2 ln Σ_{k < R} (S/2)^k/k!. Adding (φ_r − φ_1)/(2π f) to the time of recording r gives all
-recordings the phase φ_1.
+
+    z² = S − 2 ln Σ_{k < R} (S/2)^k/k!
+
+If (φ_r − φ_1)/(2π f) is added to the time of each recording r, the torque has the phase φ_1 in all
+recordings.
 """
 
 from __future__ import annotations
@@ -53,18 +57,19 @@ Information = tuple[np.ndarray, np.ndarray]
 
 
 Peak = tuple[float, tuple[float, ...], tuple[float, ...]]
-"""Largest score z of a scan, parameters of the torque with this score (the first is its size), and
-time shifts: s to add to the time of each recording; () for no shift"""
+"""The result of a scan: the largest standardised score z; the parameters of the effect with this
+score, its size first; and a time shift (s) for each recording. After the shifts are added to the
+recordings' times, the phase is the same in all. () means that no shift is needed."""
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
     """Return the Fisher information v (J,) on the size of each of J torques.
 
     v is the information that remains if the n parameters of the fit are estimated together with the
-    size. It is NaN for a torque that changes the readings just as changes of these parameters do.
-    ``A`` (n, n) is the information matrix of these parameters with the prior. ``a`` (J, C, 3) are
-    the accelerations (rad/s²) that each torque of size 1 causes in each of C chunks (short time
-    intervals).
+    size. It is NaN for a torque that is indistinguishable from a change of these parameters. ``A``
+    (n, n) is the information matrix of the parameters, including the prior's information. ``a`` (J,
+    C, 3) are the accelerations (rad/s²) that each torque of size 1 causes in each of C chunks
+    (short time intervals).
     """
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
@@ -82,12 +87,13 @@ class Frequencies:
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
         """Return K frequencies (Hz), and the information v (K,) on a torque of each frequency.
 
-        v is the Fisher information on the torque's amplitude: the mean of its values for a cosine
-        torque and for a sine torque. v is the information that remains if the n parameters of the
-        fit are estimated together with the amplitude. If none remains, v is marked as infinite, and
-        `peak` does not use it. ``A`` (n, n) is the information matrix of these parameters with the
-        prior. ``unit`` (C, 3) are the accelerations (rad/s²) that a constant torque of 1 N·m causes
-        in each of C chunks (short time intervals).
+        v is the Fisher information on the torque's amplitude, averaged over a cosine and a sine
+        torque. It is the information that remains if the n parameters of the fit are estimated
+        together with the amplitude. At some frequencies, the torque may be indistinguishable from a
+        change of the parameters. There, v is set to inf as a mark for "no value", and `peak`
+        interpolates between the other frequencies. ``A`` (n, n) is the information matrix of the
+        parameters, including the prior's information. ``unit`` (C, 3) are the accelerations
+        (rad/s²) that a constant torque of 1 N·m causes in each of C chunks (short time intervals).
         """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
@@ -100,14 +106,18 @@ class Frequencies:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the largest score of a sinusoidal torque over all frequencies (`Peak`).
+        """Return the largest standardised score of a sinusoidal torque of any frequency (`Peak`).
 
         The result also contains the amplitude (N·m), the frequency (Hz) and the phase (rad) of the
-        torque with this score, and the recordings' time shifts. Time is divided into C short
-        intervals. ``L`` (C, 3) are the derivatives of the log-likelihood with respect to the
-        acceleration of each axis in each interval. They exclude the part that changes of the fitted
-        parameters explain. ``unit`` (C, 3) are the accelerations (rad/s²) by a constant torque of
-        1 N·m. ``information`` is the result of the method `information`.
+        torque with this score. If there are several recordings, the torque may have a different
+        phase in each. Therefore the result contains a time shift (s) for each recording. After
+        these shifts are added to the recordings' times, the torque has the same phase in all.
+
+        Time is divided into C short intervals. ``L`` (C, 3) are the derivatives of the
+        log-likelihood with respect to the acceleration of each axis in each interval. They do not
+        contain the part that the fitted parameters can explain. ``unit`` (C, 3) are the
+        accelerations (rad/s²) that a constant torque of 1 N·m causes. ``information`` is the result
+        of the method `information`.
         """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source
@@ -166,10 +176,11 @@ class Instants:
         """Return K instants (s), and the information v (K,) on a mass added at each instant.
 
         v is the Fisher information (1/kg²) that remains if the n parameters of the fit are
-        estimated together with the mass. If none remains, v is marked as infinite, and `peak` does
-        not use it. ``A`` (n, n) is the information matrix of these parameters with the prior.
-        ``unit`` (C, 3) are the accelerations (rad/s²) that an added mass of 1 kg causes in each of
-        C chunks (short time intervals).
+        estimated together with the mass. At some instants, the mass may be indistinguishable from a
+        change of the parameters. There, v is set to inf as a mark for "no value", and `peak`
+        interpolates between the other instants. ``A`` (n, n) is the information matrix of the
+        parameters, including the prior's information. ``unit`` (C, 3) are the accelerations
+        (rad/s²) that an added mass of 1 kg causes in each of C chunks (short time intervals).
         """
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), SCAN_KNOTS + 4)[1:-1]
@@ -179,11 +190,12 @@ class Instants:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the largest score of an added mass over all times when it may be added (`Peak`).
+        """Return the largest standardised score of a mass that is added in flight (`Peak`).
 
-        The result also contains the mass (kg) and the time (s) that belong to this score. The
-        arguments are those of `Frequencies.peak`, but ``unit`` (C, 3) are the accelerations
-        (rad/s²) by an added mass of 1 kg.
+        The function tests a grid of instants at which the mass may be added. The result also
+        contains the mass (kg) and the instant (s) with the largest score. ``unit`` (C, 3) are the
+        accelerations (rad/s²) that an added mass of 1 kg causes in each of C short time intervals.
+        The other arguments are those of `Frequencies.peak`.
         """
         when, v = information
         t = evaluation.path.t

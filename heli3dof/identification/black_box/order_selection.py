@@ -1,12 +1,13 @@
 """Choose the order of a black box: fit each order at each sampling interval, and take one fit.
 
-Order and interval decide how good a black box is in closed loop. At an interval of 2 ms the
-encoders' rounding dominates the innovations, at 40 to 80 ms the rig's own motion. A candidate is
-the fit of one order at one interval. Its score is the mean fit (%) over the axes, on the *training*
-flights, of
+Order and interval decide how good a black box is in closed loop. At an interval of 2 ms, the
+innovations (one-step prediction errors) are mostly the rounding of the encoders. At 40 to 80 ms,
+they are mostly motion of the rig that the model cannot predict. A candidate is the fit of one order
+at one interval. Its score is the mean fit (%) over the axes, on the *training* flights, of
 
 * predictions 1 s ahead, and
-* the closed-loop replay, where the controller is known.
+* the closed-loop replay, where the controller is known. The replay is a simulation with the
+  recorded references.
 
 None of the methods minimises these two errors, so a larger order does not score better merely
 because it has more parameters. The replay rejects models that are good one step ahead and diverge

@@ -30,7 +30,7 @@ import numpy as np
 class StateSpace:
     """A discrete model about a trim in innovation form, with n states, m inputs and l outputs.
 
-    x[k+1] = A x[k] + B u[k] + K e[k],   y[k] = C x[k] + d + e[k]
+        x[k+1] = A x[k] + B u[k] + K (y[k] − C x[k]),   y[k] = C x[k] + d + e[k]
 
     u (m,) and y (l,) are deviations from the trim, x (n,) is the state, e the innovation with
     covariance S (l, l), d (l,) a constant offset.

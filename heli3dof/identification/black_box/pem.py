@@ -1,17 +1,25 @@
 """Prediction-error identification in innovation form, with exact sensitivities.
 
+The model predicts the outputs y from the inputs u and earlier outputs. x is the state, e the
+innovation, and d a constant offset of the outputs:
+
+    x[k+1] = Ã x[k] + B u[k] + K y[k],      y[k] = C x[k] + d + e[k],      Ã = A − K C
+
 The criterion V is the negative Gaussian log-likelihood of N innovations e, divided by N, without
 constant terms. At the S (covariance of e) that minimises it:
 
     V(θ) = ½ log det S(θ),      S = (1/N) Σ e[k] e[k]ᵀ
 
-Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C), Ã = A − K C, minimise V. With n
-states, m inputs and l outputs, only n(m+2l) directions of the n(n+m+2l) entries change the
-predictor. The others change the state coordinates (Ã → TÃT⁻¹ …). A QR at each iterate removes them
-("data-driven local coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635).
-The initial state of each segment enters linearly and is eliminated (variable projection); the
-offset d is a parameter like the others. The predictor is stable if ρ(Ã) < 1 (spectral radius),
-while A may have integrators or unstable poles.
+Levenberg–Marquardt steps of the parameters θ minimise V. The parameters are d and the entries of Ã,
+B, K and C. With n states, m inputs and l outputs, these matrices have n(n+m+2l) entries. n²
+directions in the space of the entries only change the state coordinates (x → T x, Ã → T Ã T⁻¹ …),
+not the prediction. At each iterate, a QR factorisation of these directions gives an orthonormal
+basis of the n(m+2l) other directions, and θ moves only along these. This is the method of
+"data-driven local coordinates" (McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635).
+
+The initial state of each segment enters linearly and is eliminated (variable projection). The
+predictor is stable if ρ(Ã) < 1 (spectral radius), while A, the state matrix of the plant, may have
+integrators or unstable poles.
 """
 
 from __future__ import annotations

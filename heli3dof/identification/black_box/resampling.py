@@ -112,11 +112,14 @@ def trims(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return trims u0 (2,) V and y0 (3,) rad that replace the model's constant output offset d.
 
-    The model describes deviations from the data's means, u_mean (2,) V and y_mean (3,) rad. The
-    trims differ from these means by δu0 and δy0, which solve, with `VOLT_FOR_RADIAN` = 20:
+    The model describes deviations from the data's means, u_mean (2,) V and y_mean (3,) rad. A, B, C
+    and the predictor's gain K are the matrices of ``model``. The trims differ from the means by δu0
+    and δy0, which solve
 
         min ‖δy0‖² + ‖δu0/20‖²   subject to   [I − C G K] δy0 − C G B δu0 = d
         G = (I − Ã)⁻¹,  Ã = A − K C
+
+    The 20 is the weight `VOLT_FOR_RADIAN`.
     """
     n, l = model.order, len(model.C)
     CG = model.C @ np.linalg.pinv(np.eye(n) - model.At)

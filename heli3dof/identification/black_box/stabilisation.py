@@ -33,12 +33,16 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 
 
 def with_stable_predictor(model: StateSpace, rho: float) -> StateSpace:
-    """Return the model with the spectral radius of A − K C at most ``rho``.
+    """Return the model with a spectral radius of A − K C of at most ``rho``.
 
-    If the radius exceeds ``rho``, K is replaced by a Kalman gain. It assumes the process noise
-    K S Kᵀ + c I, where S is the innovations' covariance. c is the first of 1e-6, 1e-4, …, 1e4 times
-    the trace of K S Kᵀ that gives a stable predictor. If none does, the result is that of
-    `stable_plant`.
+    A − K C is the state matrix of the one-step predictor. If its spectral radius exceeds ``rho``,
+    the function replaces K by a Kalman gain. This gain is computed for process noise with the
+    covariance
+
+        Q + c tr(Q) I,      Q = K S Kᵀ,      S: covariance of the innovations
+
+    It tries c = 1e-6, 1e-4, …, 1e4 in this order, and takes the first c that reduces the spectral
+    radius to ``rho`` or less. If there is none, the result is that of `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model

@@ -82,10 +82,11 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 def simulation_errors(
     model: LinearModel, prepared: Prepared, runs: Sequence[RowRange], interval_s: float
 ) -> Innovations:
-    """Return each run's simulation errors (rad) and voltages minus the model's trim (V).
+    """Return two lists, each with an array per run: simulation errors (rad), and voltages (V).
 
-    ``runs`` are row ranges of the recordings in ``prepared``. The function decimates these rows to
-    the interval ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
+    The voltages are deviations from the model's trim voltages. ``runs`` are row ranges of the
+    recordings in ``prepared``. The function decimates these rows to the interval ``interval_s``
+    (s). Each run is simulated from the initial state that fits it best.
     """
     at = model.at(interval_s)
     A, B, C = (np.ascontiguousarray(a) for a in (at.A, at.B, at.C))

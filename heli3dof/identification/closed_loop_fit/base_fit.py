@@ -155,7 +155,10 @@ def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
 
 
 def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
-    """Return the fitted base simulation; the fit is bias-corrected if the controller is known."""
+    """Return the fit of the base simulation, the model to which a diagnosis adds effects.
+
+    If the controller is known, the fit is bias-corrected.
+    """
     plain = estimate(problem)
     if not setup.controller_is_known:
         return CorrectedFit(problem, plain.optimum)

@@ -96,11 +96,12 @@ def matched_noise(
 ) -> np.ndarray:  # fmt: skip
     """Return ``noise`` (4,) with a new estimate of the process noise on each of the ``axes``.
 
-    ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). ``axes``
-    (3,) bool are the axes on a limit cycle. For each of them, the function simulates flights with
-    the axis' process noise times each of `NOISE_STEPS`. The estimate is the noise for which the
-    simulated limit cycle is most similar to the recorded one (`limit_cycle_statistics`). ``theta``
-    (n,) are the scaled parameters of the simulated model.
+    The first three elements of ``noise`` are the process noise on roll, pitch and yaw
+    (rad/s²/√Hz). The fourth is the sampling jitter (s). ``axes`` (3,) bool are the axes on a limit
+    cycle. For each of them, the function simulates flights with the axis' process noise times each
+    of `NOISE_STEPS`. The estimate is the noise for which the simulated limit cycle is most similar
+    to the recorded one (`limit_cycle_statistics`). ``theta`` (n,) are the scaled parameters of the
+    simulated model.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -1,21 +1,22 @@
 """Fit by maximum likelihood; compute standard deviations and their Cramér–Rao bounds.
 
-The noise model gives the information matrix H = Σ w ∂c ∂cᵀ over the readings. ∂c is the gradient of
-a predicted reading with respect to the parameters, and w the Fisher information of that reading. Λ
-is the prior's precision. The score is the log-likelihood's gradient. Let s_b be its sum over block
-b of half a second. The actual scatter of the scores is B = Σ_b s_b s_bᵀ. With m blocks
+The noise model gives the information matrix H = Σ w ∂c ∂cᵀ, a sum over the readings. ∂c is the
+gradient of a predicted reading with respect to the parameters. w is the Fisher information of the
+reading. Λ is the prior's precision. Time is divided into m blocks of half a second. s_b is the
+score (the gradient of the log-likelihood) of block b. The matrix B = Σ_b s_b s_bᵀ measures the
+actual scatter of the scores. The covariance of the parameters is
 
-    κ = max(1, tr((H + Λ)⁻¹ B)/tr((H + Λ)⁻¹ H) · m/(m − 1))      cov = κ (H + Λ)⁻¹
+    cov = κ (H + Λ)⁻¹,      κ = max(1, tr((H + Λ)⁻¹ B)/tr((H + Λ)⁻¹ H) · m/(m − 1))
 
-The last factor is there because the scores' sum is zero at the optimum. κ widens the intervals if
-the scores scatter more than the noise model allows. A single number κ replaces the full sandwich
-H⁻¹ B H⁻¹, because it is more accurate. With a hundred blocks, each entry of B is uncertain by 10 to
-20 %, the average of the entries only by 2 to 5 %. The limit κ ≥ 1 is there because B ignores the
-correlation between blocks. Slow drifts cause such a correlation, so B may be too small.
+The factor m/(m − 1) is needed because the scores' sum is zero at the optimum. If the scores scatter
+more than the noise model predicts, κ exceeds 1 and widens the confidence intervals. The usual
+sandwich covariance H⁻¹ B H⁻¹ is less accurate: with a hundred blocks, each entry of B has an error
+of 10 to 20 %. κ averages the entries, which reduces the error to 2 to 5 %. κ is at least 1, because
+B ignores the correlation between blocks. Slow drifts cause such a correlation, so B may be too
+small.
 
-The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
-Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its
-intensity scaled by √κ.
+The Cramér–Rao bound is computed for encoders without quantisation: their readings have white noise
+of variance Δ²/12 (Δ: encoder step). The process noise is the estimated one, multiplied by √κ.
 """
 
 from __future__ import annotations
@@ -139,9 +140,10 @@ def estimate(
     """Return the maximum-likelihood fit of the rig's parameters to recordings.
 
     ``problem`` is the likelihood, a function of n scaled parameters and the noise. ``start`` (n,)
-    are the initial parameters of the search. ``noise`` (4,) is the initial process noise on roll,
-    pitch, yaw (rad/s²/√Hz) and the initial sampling jitter (s); None: defaults. If the search does
-    not converge, it is repeated from other parameter values, and the best result is returned.
+    are the initial parameters of the search. ``noise`` (4,) is the initial noise (None: defaults).
+    Its first three elements are the process noise on roll, pitch and yaw (rad/s²/√Hz). The fourth
+    is the sampling jitter (s). If the search does not converge, it is repeated from other parameter
+    values, and the best result is returned.
 
     Without ``start``, the search starts at the prior mean. Some effects, such as an added mass,
     begin during a recording. Their onset time is a parameter, for which the prior mean is no good
@@ -196,10 +198,11 @@ def _likeliest_start(
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
     Some effects, such as ``encoder.backlash``, have a likelihood with zero slope at the nominal
-    value, and possibly several maxima. Such an effect lists start values in ``starts``. For its
-    first parameter, these values and that in ``theta`` are tried; the likeliest is returned. The
-    other parameters are those in ``theta``. The noise, re-estimated at these parameters, is process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    value, and possibly several maxima. Such an effect lists start values of its first parameter in
+    ``starts``. The function tries these values and the value in ``theta``, and takes the one with
+    the largest likelihood. The other parameters are those in ``theta``. The function also
+    re-estimates the noise at these parameters. The first three elements of the noise are the
+    process noise on roll, pitch and yaw (rad/s²/√Hz). The fourth is the sampling jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()
@@ -253,7 +256,8 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
     """Return the Cramér–Rao bound (n,) on the standard deviations of the scaled parameters.
 
     The bound is evaluated at the scaled parameters ``theta`` (n,). It includes the prior's
-    information. ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    information. The first three elements of ``noise`` (4,) are the process noise on roll, pitch and
+    yaw (rad/s²/√Hz). The fourth is the sampling jitter (s).
     """
     white = replace(
         problem,

@@ -195,7 +195,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
 def flight_of(recording: Recording) -> Flight:
     """Return the recording as a `Flight`, with the start rows of the prediction windows to fit.
 
-    Only windows are used in which the model applies to all rows (`free_rows`).
+    A window is used only if the model applies to each of its rows (`free_rows`).
     """
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
@@ -258,7 +258,11 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 
 
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation, nominal value, warning or ``""``."""
+    """Return the fitted parameters by name.
+
+    Each `Parameter` contains the estimate, its unit, its standard deviation and the nominal value.
+    It also contains a warning if the recordings do not identify the parameter, else ``""``.
+    """
     out = {}
     estimates = zip(found.structure.free, found.values, found.std, found.mostly_prior, strict=True)
     for f, v, s, vague in estimates:

@@ -105,10 +105,11 @@ def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     progress: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
-    """Return the unknowns that minimise the cost of problem v, searched from ``z`` (dim,).
+    """Return the unknowns that minimise the cost of problem v; the search starts at ``z`` (dim,).
 
     The search ends when an iteration lowers the cost by less than ``settled``, or after ``rounds``
-    iterations. After each iteration it calls ``progress(iteration, cost at the start, cost now)``.
+    iterations. After iteration i it calls ``progress(i, start_cost, cost)``. ``start_cost`` is the
+    cost at the start of the search, ``cost`` the cost after iteration i.
     """
     r = v.residuals(z)
     here = start_cost = v.cost(r, z)

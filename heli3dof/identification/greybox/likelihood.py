@@ -4,10 +4,10 @@
 
 Z_ik is the probability of reading k of axis i, given all earlier readings and reading k of the axes
 before i. The filter of `heli3dof.model.estimation.ekf_quantised` computes it. θ (n,) are the scaled
-parameters: logarithms, or multiples of a typical size (`FreeParameter.scaled`). The noise vector
-a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior
-N(start, spread²) of each parameter is weak. It matters only for parameters on which the recordings
-have no information.
+parameters: logarithms, or multiples of a typical size (`FreeParameter.scaled`). The first
+three elements of the noise vector a (4,) are the process noise on roll, pitch and yaw
+(rad/s²/√Hz). The fourth is the sampling jitter (s). The prior N(start, spread²) of each parameter
+is weak. It matters only for parameters on which the recordings have no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
 rejects these parameters. If the derivatives with respect to one parameter diverge, they are set to
@@ -97,8 +97,9 @@ class Likelihood:
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
-        ``a`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
-        what is stored in addition to the log-likelihood (see `filter_quantised`).
+        The first three elements of ``a`` are the process noise on roll, pitch and yaw (rad/s²/√Hz).
+        The fourth is the standard deviation of the sampling jitter (s). ``keep`` selects what is
+        stored in addition to the log-likelihood (see `filter_quantised`).
         """
         return filter_quantised(
             self.structure, self.values(theta), self.data, a, self.encoder_noise, keep=keep
@@ -107,7 +108,8 @@ class Likelihood:
     def loglik(self, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the log-likelihood (3,) by axis, at scaled parameters θ (n,) and noise ``a`` (4,).
 
-        ``a`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s).
+        The first three elements of ``a`` are the process noise on roll, pitch and yaw (rad/s²/√Hz).
+        The fourth is the standard deviation of the sampling jitter (s).
         """
         return self.run(theta, a, keep=0).loglik
 

@@ -63,7 +63,10 @@ PROBE = 0.5  # step of ln a in the differences for slope and curvature
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The parameters and noise that maximise likelihood times prior, and the filter's run there."""
+    """The parameters and noise that maximise likelihood times prior, with the filter's output.
+
+    ``at`` is the output of the Kalman filter for these parameters and this noise.
+    """
 
     theta: np.ndarray
     """(n,) scaled parameters at the maximum"""
@@ -103,9 +106,10 @@ def maximise(
     """Return the parameters and noise that maximise likelihood times prior.
 
     ``problem`` is the likelihood, a function of n scaled parameters and the noise. The search
-    starts at the scaled parameters ``start`` (n,). ``noise`` (4,) is the initial process noise on
-    roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``rounds``: largest number of iterations, each
-    with a step of the parameters and, if needed, of the noise.
+    starts at the scaled parameters ``start`` (n,) and at ``noise`` (4,). The first three elements
+    of ``noise`` are the process noise on roll, pitch and yaw (rad/s²/√Hz). The fourth is the
+    sampling jitter (s). ``rounds`` is the largest number of iterations. Each iteration takes a step
+    of the parameters and, if needed, a step of the noise.
     """
     low, high = problem.bounds
     theta = np.clip(start, low, high)
@@ -178,7 +182,8 @@ def damped_step(
 class HasLikelihood(Protocol):
     """An object with a method ``loglik``, which returns the log-likelihood (3,) by axis.
 
-    ``theta`` (n,) are scaled parameters. ``a`` (4,) is the process noise of three axes, and jitter.
+    ``theta`` (n,) are scaled parameters. The first three elements of ``a`` (4,) are the process
+    noise of roll, pitch and yaw. The fourth is the sampling jitter.
     """
 
     def loglik(self, theta: np.ndarray, a: np.ndarray, /) -> np.ndarray: ...
@@ -189,10 +194,11 @@ def noise_step(
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its logarithms, and the largest |step|.
 
-    ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process noise
-    on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). The jitter and the noise of unmeasured axes
-    (False in ``axes``, (3,) bool) stay fixed. Slope and curvature are finite differences of the
-    log-likelihood, with the step `PROBE` in ln a. At smaller scales, the log-likelihood is rough.
+    ``theta`` (n,) are the scaled parameters, ``a`` (4,) is the noise before the step. The first
+    three elements of ``a`` are the process noise on roll, pitch and yaw (rad/s²/√Hz). The fourth,
+    the sampling jitter (s), stays fixed. So does the noise of an unmeasured axis, for which
+    ``axes`` (3,) is False. Slope and curvature of the log-likelihood are finite differences with
+    the step `PROBE` in ln a. At smaller scales, the log-likelihood is rough.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)

@@ -2,27 +2,30 @@
 
 The method is for logs with sampling jitter or unmodelled fast motion. If a time stamp is not the
 time of its sample, a one-step prediction has an error that is proportional to the angular rate. In
-a fit to one-step predictions, these errors bias towards zero every parameter that acts through
-accelerations. In predictions over a second or more, the errors are negligible.
+a fit to one-step predictions, these errors would bias all parameters that act through accelerations
+towards zero. In predictions over a second or more, the errors are negligible.
 
-Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
-k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
+A Kalman filter (`heli3dof.model.estimation.ekf_jitter`) estimates the states. The model is
+simulated from S of these states without further correction, over M horizons h_j. e_i[k, j] is the
+prediction error (rad) of axis i at horizon j, for the simulation that starts in row k. The fit
+minimises
 
     Q(θ) = (T/τ)/(S M) Σ_k Σ_j Σ_i ρ(e_i[k, j]/s_i[j]) + (θ − θ_0)ᵀ Λ (θ − θ_0),
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
 
-where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The fit runs
-in stages, from short horizons to long ones, because predictions with a poor start diverge over long
-horizons. Each stage estimates the errors' scales s (RMS values) again. The search is
-`heli3dof.identification.greybox.levenberg_marquardt`; ∂e/∂θ includes the filter's change with θ.
+T is the flight time (s) and τ = `WINDOW_S` the length of a window, so T/τ is the number of
+independent windows. θ_0 is the prior's mean and Λ its precision. The fit runs in stages, from short
+horizons to long ones, because long predictions diverge if the parameters are poor. At the start of
+each stage, s_i[j] is set to the RMS of the errors e_i[k, j]. The search is
+`heli3dof.identification.greybox.levenberg_marquardt`. The derivatives ∂e/∂θ include the change of
+the filter's states with θ.
 
-θ_0 is the prior mean, Λ the prior's precision, which is weak for every effect. The prior of the
-inertias follows from geometry: lengths and a few masses determine the *ratios* of the inertias.
-Their common factor is uncertain: the fit gives inertias in units of the thrust gain K_f, which
-differs by a factor of two between rigs.
+The priors of the effects are weak. The prior of the inertias follows from geometry: lengths and a
+few masses determine the *ratios* of the inertias. Their common factor is uncertain: the fit gives
+inertias in units of the thrust gain K_f, which differs by a factor of two between rigs.
 
-A parameter named in ``varying`` has a different value in each recording, with the prior N(common
-value, σ²) and σ = ``varying[name]``.
+A parameter named in ``varying`` has a different value in each recording. The prior of these values
+is N(common value, σ²) with σ = ``varying[name]``.
 """
 
 from __future__ import annotations
@@ -77,8 +80,9 @@ class MultiStep:
 
     The unknowns z (dim,) are scaled parameters: logarithms, or values divided by a typical size.
     The first n are common to all flights. The values of the parameters in ``varying`` follow,
-    flight by flight. ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz)
-    and jitter (s).
+    flight by flight. The methods' argument ``noise`` (4,) is the noise of the Kalman filter. Its
+    first three elements are the process noise on roll, pitch and yaw (rad/s²/√Hz). The fourth is
+    the sampling jitter (s).
     """
 
     structure: Structure
@@ -196,8 +200,9 @@ class MultiStep:
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Return the log-likelihood of the recordings, one value for each axis (3,).
 
-        The Kalman filter `ekf_jitter` computes it. z (dim,) are the scaled parameters. ``noise``
-        (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s).
+        The Kalman filter `ekf_jitter` computes it. z (dim,) are the scaled parameters. The first
+        three elements of ``noise`` (4,) are the process noise on roll, pitch and yaw (rad/s²/√Hz).
+        The fourth is the sampling jitter (s).
         """
         parts = [
             filter_jittered(self.structure, self.values(z, i), d, noise).loglik
@@ -311,13 +316,14 @@ def search(
     scale: np.ndarray | None = None,
     progress: Progress | None = None,
 ) -> MultiStepFit:
-    """Return the fit that minimises the prediction errors, searched from ``start`` (dim,).
+    """Return the fit that minimises the prediction errors of the flights in ``problem``.
 
-    ``problem`` contains the flights and the model structure, ``start`` scaled parameters.
-    ``stages_s`` are the horizons (s) of successive minimisations, each of at most ``rounds``
-    iterations. ``scale`` (M, 3) rad are the RMS errors by which the residuals are divided. If
-    ``noise`` (4,) or ``scale`` is None, each stage estimates it. ``progress`` gets a line per
-    iteration.
+    The search starts at the scaled parameters ``start`` (dim,); None: the prior mean. It minimises
+    in stages. ``stages_s`` lists the prediction horizons (s) of each stage. A stage has at most
+    ``rounds`` iterations. The residuals are the prediction errors, divided by ``scale`` (M, 3) rad:
+    the RMS error of each axis at each of the stage's M horizons. ``noise`` (4,) is the noise of the
+    Kalman filter. If ``noise`` or ``scale`` is None, each stage estimates it. ``progress`` gets a
+    line of text per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -363,10 +369,10 @@ def least_squares_problem(
 def likeliest_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise (4,) that maximises the likelihood at the scaled parameters z (dim,).
 
-    The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The search
-    starts at the noise ``a`` (4,), in the same order. It first compares the jitters `JITTERS_S`,
-    with the process noise of ``a``. Then it keeps the best jitter and changes the process noise by
-    up to four Newton steps.
+    The first three elements of the noise are the process noise on roll, pitch and yaw (rad/s²/√Hz).
+    The fourth is the sampling jitter (s). The search starts at the noise ``a`` (4,). It first
+    compares the jitters `JITTERS_S`, with the process noise of ``a``. Then it keeps the best jitter
+    and changes the process noise by up to four Newton steps.
     """
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a = np.append(a[:3], JITTERS_S[int(np.argmax(tried))])

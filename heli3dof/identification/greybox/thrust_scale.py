@@ -39,13 +39,13 @@ LOG_K_MAX = 1.5  # largest |ln k| of the grid on which p is evaluated: k to 4.5,
 TORQUE_UNITS = ("N·m", "kg")
 """A parameter scales with K_f if its unit contains one of these."""
 BASE = ("K_f", "T_g", "J_roll", "J_pitch", "J_yaw")
-"""The base parameters: thrust gain, trim torque and three inertias"""
+"""Basic parameters of a rig: thrust gain, gravity torque of the level arm, three inertias"""
 SCALE_QUANTILE = 2.0  # standard deviations, chosen
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A parameter of the base simulation, in SI: nominal value, estimate, standard deviation."""
+    """The estimate of a rig parameter in SI units, with nominal value and standard deviation."""
 
     nominal: float
     value: float

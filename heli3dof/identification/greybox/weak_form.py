@@ -94,7 +94,11 @@ class Span:
     """(L,) weights of the sum for ∫ φ″ · dt"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², of q (N, 3) rad and a (N, 3) rad/s²."""
+        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3), in rad/s², at n positions of the test function φ.
+
+        q (N, 3) are the angles in rad, a (N, 3) the accelerations in rad/s², in the N rows of a
+        flight.
+        """
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:

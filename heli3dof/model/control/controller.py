@@ -6,32 +6,34 @@
     v = clip(V, ±v_max)
 
 in radians, seconds and volts, with the paper's errata E5, E6, E7 (docs/explanation/paper.md)
-corrected. V are the two motor voltages, V_o is the hover voltage, K_g (2 × 8) the gain, and extra
-an excitation voltage. At sample k:
+corrected. V are the two motor voltages, V_o is the hover voltage and K_g (2 × 8) the gain. The two
+voltages extra are added to the feedback, for example as excitation. At sample k:
 
 1. Each reference passes a rate limiter. After `Controller.reset` it starts at the measured angle.
-2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin.
-3. Each integral's contribution to each motor, ``K[i, 6] ξ_r`` and ``K[i, 7] ξ_ψ``, is clamped to
-   ±``integrator_clamp_V``. The integral stops growing when its contribution has reached the clamp
-   on both motors (anti-windup). So the contribution leaves the clamp as soon as the error changes
-   sign.
+2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin. The
+   profile sets the filter's cut-off frequency ω (rad/s) and damping ζ.
+3. ξ_r and ξ_ψ are the integrals of the roll and the yaw error. Their contributions to the voltage
+   of motor m are ``K_g[m, 6] ξ_r`` and ``K_g[m, 7] ξ_ψ``. Each contribution is clamped to
+   ±``integrator_clamp_V``. An integral stops growing when its contributions to both motors have
+   reached the clamp (anti-windup). If both motors have gains of equal size, the contributions leave
+   the clamp as soon as the error changes sign.
 4. The voltage is computed from sample k's angles and the integrals up to sample k. Then the
    integrals advance by ``dt × error`` (forward Euler).
 
 `control_law` is the only implementation of this law. The real-time loop runs it on Python lists (a
 few µs per period, without numba), and the simulations compile it.
 
-A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or an extra voltage
-counts as zero. If the computed voltage is not finite, the output v is 0 V.
+A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or in extra counts as
+zero. If the computed voltage is not finite, the output v is 0 V.
 
 **Open loops.** A plan may open the loops of some axes: the feedback of these axes is replaced by
-constant voltages. The voltage that `control_law` computes for motor m is V_o plus the sum of a
-contribution c_im of each axis i,
+constant voltages. Axis i is 0 for roll, 1 for pitch, 2 for yaw. V_o + Σ_i c_im is the feedback
+voltage of motor m. Axis i contributes
 
-    c_im = K_mi (q_i,ref − q_i) − K_m,3+i q̇_i + clamp(K_m,6+j ξ_j)
+    c_im = K_m,i (q_i,ref − q_i) − K_m,3+i q̇_i + clamp(K_m,6+j ξ_j)
 
-with the gain K (2 × 8), the angle q_i, its reference q_i,ref, its filtered rate q̇_i and the error
-integral ξ_j. j = 0 is roll and j = 1 yaw; pitch has no integral.
+K_m,n is an element of K_g. q_i is the angle of the axis, q_i,ref its reference, q̇_i its filtered
+rate, and ξ_j the integral of its error. j is 0 for roll and 1 for yaw; pitch has no integral.
 
 Each axis has a mode in each control period:
 
@@ -40,11 +42,11 @@ Each axis has a mode in each control period:
             mode. The next LEARN phase of the axis replaces the mean c̄_im.
     OPEN    The loop is open: the controller uses the constant c̄_im instead of c_im.
 
-The controller replaces c_im by c̄_im by adding the extra voltage Σ_i (c̄_im − c_im) over the open
-axes i. The reference of an open axis is its own angle, so its integral does not grow. When the loop
-closes, the reference returns to the flight plan's reference at the rate `RETURN`, without a jump. A
-recording contains the references and extra voltages after these changes. So V = law(angle,
-reference) + extra is true for its rows, and a replay needs no modes.
+To replace c_im by c̄_im, the controller adds Σ_i (c̄_im − c_im), a sum over the open axes i, to the
+element m of extra. The reference of an open axis is its own angle, so its integral does not grow.
+When the loop closes, the reference returns to the flight plan's reference at the rate `RETURN`,
+without a jump. A recording contains the references and the extra voltages after these changes. So
+V = law(angle, reference) + extra is true for its rows, and a replay needs no modes.
 
 The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
 between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate

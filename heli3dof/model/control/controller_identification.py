@@ -1,19 +1,20 @@
 """Identify the controller from a log: the linear law by which the voltages follow from the angles.
 
-A sampled linear controller of order n computes voltages u from the angles y (rad) and the
-references r (rad). u = v − extra (V), with the logged motor voltages v and the logged excitation
-extra:
+A sampled linear controller of order n computes the two motor voltages u from the angles y (rad) and
+the references r (rad):
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
-Without noise, the residual e is zero except in rows in which the controller is not linear: where a
-rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such rows hardly affect. A
-row is left out if a motor is off or at its limit in it, or if a sample is missing before it. The n
-rows after it are left out, too.
+u (V) are the logged motor voltages minus the logged excitation. Without noise, the residual e is
+zero in all rows in which the controller is linear. It is not linear where a rate limiter or clamped
+integrals act. The estimates of A, B, R and c minimise Σ|e|, so a few such rows hardly change them.
+Some rows are not used: those with a motor off or at its limit, those directly after a missing
+sample, and the n rows after each of these.
 
 If n is larger than the controller's order, the law has superfluous modes, which B and R cancel. A
-mode with |z_i| > 1 would grow in a simulated flight. So modes outside the unit circle are moved
-onto it (`stable_past`), and B, R and c are estimated again with this A.
+mode that grows from sample to sample would diverge in a simulated flight. Its eigenvalue lies
+outside the unit circle. `stable_past` moves such eigenvalues onto the unit circle. Then B, R and c
+are estimated again with this A.
 
 The unexplained **share** of a law (`model.control.unexplained_share`) is σ_e/std(Δu), with
 Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. The

@@ -91,9 +91,10 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """Return the factor > 1 by which each motor's gain may rise or fall without instability.
+        """Return the gain margin g > 1 of the two motors; None if the loop is unstable.
 
-        The result is None if the loop is unstable.
+        The loop stays stable if the gains of both motors change simultaneously, each by its own
+        constant factor between 1/g and g.
         """
         if self.disk_margin is None:
             return None
@@ -102,9 +103,10 @@ class LoopCheck:
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """Return the phase lag (°) that each motor may add at any frequency without instability.
+        """Return the phase margin φ (°) of the two motors; None if the loop is unstable.
 
-        The result is None if the loop is unstable.
+        The loop stays stable if the phase at both motors changes simultaneously, at any frequency,
+        for each motor by its own value between −φ and φ.
         """
         return None if self.disk_margin is None else degrees(2 * atan(self.disk_margin / 2))
 

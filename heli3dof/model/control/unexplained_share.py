@@ -1,10 +1,11 @@
 """Measure which share of a recording's voltages a controller's law does not explain.
 
-The law's errors are the logged voltages minus those of the law. In each block of `BLOCK_S` seconds,
-a motor's share is the size of the errors, divided by the standard deviation of a voltage signal.
-The caller chooses the measure of size and the signal. The block's share is the larger of the two
-motors' shares. The recording's share is the upper quartile of its blocks' shares, because a
-landing, a lost sample or a voltage limit makes single blocks differ.
+The law's errors are the logged voltages minus those of the law. A share is the size of these
+errors, divided by the standard deviation of a reference signal. The caller chooses how to measure
+the size, for example as RMS, and which voltage signal is the reference. The share is computed for
+each motor in blocks of `BLOCK_S` seconds. The block's share is the larger of the two motors'
+shares. The recording's share is the upper quartile of its blocks' shares, because a landing, a lost
+sample or a voltage limit makes single blocks differ.
 """
 
 from __future__ import annotations

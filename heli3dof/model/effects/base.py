@@ -32,8 +32,9 @@ class Parameter:
         null: the value at which the effect is absent.
         low, high: bounds of an estimate. Where the equations allow negative values (friction),
             ``low`` is negative, so that zero does not cut off a confidence interval.
-        typical: a deviation from ``null`` (a value if ``log``) with a noticeable effect on a rig.
-            It scales the optimiser's steps and the default priors.
+        typical: size of a deviation from ``null`` that has a noticeable effect on a rig. If ``log``
+            is true, it is a typical value of the parameter instead. It scales the optimiser's
+            steps and the default priors.
         log: if true, the logarithm is estimated (positive parameters only).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
             logarithm if ``log``); default 10 · ``typical``, or 1.5 if ``log``.

@@ -1,7 +1,8 @@
-"""Run an effect's equations at states within the default rig's limits, and return their mistakes.
+"""Check an effect's equations for mistakes, such as a wrong index or a result that is not finite.
 
-The equations run in Python, on arrays that detect a wrong index. In compiled code, such an index
-reads or changes other memory.
+The equations are evaluated at several states within the default rig's limits. `equation_mistakes`
+returns a message per mistake. The equations run in Python, on arrays that raise an error at a wrong
+index. Compiled code does not check an index, and would read or change other memory.
 """
 
 from __future__ import annotations

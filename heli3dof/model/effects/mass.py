@@ -19,16 +19,16 @@ def inertia_ratio(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 
 def inertia_product(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """A product of inertia: centrifugal force moves masses below the roll axis outwards.
+    """A product of inertia: the centrifugal force pushes masses below the roll axis outwards.
 
-    With P = Σ m x z in kg·m² (mass m at x along the level arm, z below it), at roll r and yaw rate
-    ψ̇
+    The product of inertia is P = Σ m x z in kg·m², with a mass m at the distance x along the level
+    arm and z below it. At the roll angle r and the yaw rate ψ̇, the torques are
 
-        τ_roll = P cos 2r ψ̇²          τ_yaw = −2 P cos 2r ṙ ψ̇
+        τ_roll = P ψ̇² cos(2r)          τ_yaw = −2 P ṙ ψ̇ cos(2r)
 
-    Both follow from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes
-    it a pendulum (effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A
-    counterweight that hangs below reduces P. The change of the yaw inertia J_yaw by P sin 2r is
+    Both follow from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes it
+    a pendulum (effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A
+    counterweight that hangs below reduces P. The change of the yaw inertia J_yaw by P sin(2r) is
     neglected: a few per cent of J_yaw at the angles of flight.
     """
     c = par[A] * math.cos(2.0 * s[R])

@@ -80,7 +80,10 @@ def thrust_drift(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 
 def saturation(s: Any, par: Any, mem: Any, out: Any) -> None:
-    """The motor voltage saturates below the amplifier's limit: V acts as clip(V, ±limit)."""
+    """The motor voltage V saturates at a limit: it acts as clip(V, −limit, limit), all in V.
+
+    The limit is the parameter of this effect. It is below the limit ``v_max`` of the amplifier.
+    """
     for i in range(2):
         if out[i] > par[A]:
             out[i] = par[A]

@@ -11,10 +11,11 @@ the other. This is the exact update with the joint covariance diag(Δ²/12) + σ
 `heli3dof.model.estimation.ekf_quantised` uses encoder edges (angles at which a reading changes) and
 treats the axes' jitter as independent. `ekf_quantised` is more accurate if the clock is accurate.
 
-b are effect parameters that are constant within a recording and differ between recordings, such as
-the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
-and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
-The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, except for this:
+The filter also estimates effect parameters b that are constant within a recording and differ
+between recordings. An example is the angle at which an encoder was switched on. The state is
+x = (q, q̇, b), where q are the angles. As b is constant, its rate of change in the model is zero. At
+the start of each run (interval of usable rows), b has the distribution N(b_0, σ_b²). The covariance
+P of x advances as in `heli3dof.model.estimation.ekf_quantised`, except for this:
 
 * The transition matrix contains ∂q̈/∂(q, q̇, b), and terms of second order in the sample interval h.
 * Dry friction changes x only, not P.
@@ -125,11 +126,17 @@ def _filter(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Filter all blocks: write the states to X (N, 6 + B) and log-likelihoods to ``loglik`` (3,).
 
-    A row of X has the angles, rates and the B parameters b that vary by recording, after that row's
-    readings; ``loglik`` is by axis. ``s0``, ``first``, ``address``, ``par0``, ``mem0``: the model
-    (`Structure`); ``where`` (W, 3): the positions of b in ``par0`` (`positions`); ``b_std`` (B,):
-    prior standard deviations σ_b; ``blocks`` … ``y``: the fields of `Data`; ``a2`` (3,)
-    (rad/s²)²/Hz: process noise; ``R2`` (3,) rad²: variance of the readings; ``jitter`` (s): σ_t.
+    Row k of X is the state estimate after the filter has used the readings of row k. It contains
+    three angles, three rates and the B parameters b that vary by recording. ``loglik`` has a value
+    per axis. Input:
+
+    - ``s0``, ``first``, ``address``, ``par0``, ``mem0``: the model (`Structure.arguments`)
+    - ``where`` (W, 3): the positions of b in ``par0`` (`positions`)
+    - ``b_std`` (B,): prior standard deviations σ_b
+    - ``blocks``, ``free``, ``t``, ``h``, ``V``, ``y``: the fields of `Data`
+    - ``a2`` (3,): process noise, (rad/s²)²/Hz
+    - ``jitter``: standard deviation σ_t (s) of the sampling instants
+    - ``R2`` (3,): variance of the readings, rad²
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B
@@ -253,10 +260,11 @@ def filter_jittered(
 ) -> FilterResult:
     """Return the states and log-likelihood of ``data`` by the Kalman filter for sampling jitter.
 
-    ``values`` (n,) are the parameters of ``structure``, ``noise`` (4,) is process noise on roll,
-    pitch, yaw (rad/s²/√Hz) and jitter (s). The filter can also estimate parameters that differ
-    between recordings. ``varying`` contains their names, each with its prior standard deviation.
-    These estimates start again in each run (interval of usable rows).
+    ``values`` (n,) are the parameters of ``structure``. The first three elements of ``noise`` (4,)
+    are the process noise on roll, pitch and yaw (rad/s²/√Hz). The fourth is the sampling jitter
+    (s). The filter can also estimate parameters that differ between recordings. ``varying``
+    contains their names, each with its prior standard deviation. These estimates start again in
+    each run (interval of usable rows).
     """
     varying = varying or {}
     X = np.full((len(data.t), 6 + len(varying)), np.nan)

@@ -138,17 +138,23 @@ def filter_blocks(  # type: ignore[no-untyped-def]
     - R2 (3,) rad²: variance of the angle at which an encoder's reading switches. For readings that
       are not quantised: variance of their noise.
 
-    The log-likelihood of each axis is added to ``loglik`` (3,). ``keep`` selects further output:
+    The function adds the log-likelihood of each axis to ``loglik`` (3,). With ``keep`` ≥ 1, it
+    stores for each event:
 
-    - ≥ 1: one element per event in each of the following arrays. ``row``: the row. ``state``: a
-      code of the quantity c that the event measures. Codes 0, 1, 2: c is the reading of roll,
-      pitch, yaw. If a reading has changed by one count, a second event may follow, which measures
-      its rate. Codes 3, 4, 5: the reading of roll, pitch, yaw has risen, c is its rate. Codes 6, 7,
-      8: the reading of roll, pitch, yaw has fallen, c is minus its rate. C: the predicted c. G, W:
-      score and information of c. K: the covariance (6,) between x and c. The event updates the
-      state by x ← x + K G.
-    - ≥ 2: X (N, 6), the states after the updates of each row.
-    - ≥ 3: X (N, 9); its last three columns are ``loglik`` up to each row.
+    - ``row``: the row of the event;
+    - ``state``: a code of the measured quantity c, see below;
+    - C: the filter's prediction of c; G, W: the score and the information of c;
+    - K: the covariance (6,) of x and c. The update is x ← x + K G.
+
+    With ``keep`` ≥ 2, it also stores X (N, 6): the state after each row. With ``keep`` ≥ 3, X
+    (N, 9) has three more columns: ``loglik`` up to each row.
+
+    An event measures the reading of one encoder. If this reading has risen or fallen by one count,
+    a second event may measure the rate (rad/s) at which it rises or falls. The codes are:
+
+        0, 1, 2   c is the reading of roll, pitch, yaw
+        3, 4, 5   c is the rate of the roll, pitch, yaw reading, which has risen
+        6, 7, 8   c is the rate of the roll, pitch, yaw reading times −1; the reading has fallen
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -315,11 +321,15 @@ def filter_quantised(
 ) -> FilterRun:
     """Return the filter's run over ``data`` with the parameters ``values`` (n,) of ``structure``.
 
-    ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
-    ``encoder_noise`` (3,) rad² is the variance of the angle at which an encoder's reading switches.
-    For readings that are not quantised, it is the variance of their noise. ``keep`` selects what
-    the result holds: 0 the log-likelihood only; 1 also the quantities of each measurement update; 2
-    also the states X; 3 also the log-likelihood up to each row, as further columns of X.
+    The first three elements of ``noise`` (4,) are the process noise on roll, pitch and yaw
+    (rad/s²/√Hz). The fourth is the sampling jitter (s). ``encoder_noise`` (3,) rad² is the variance
+    of the angle at which an encoder's reading switches. For readings that are not quantised, it is
+    the variance of their noise. ``keep`` selects what the result contains:
+
+    - 0: only the log-likelihood
+    - 1: also the quantities of each measurement update
+    - 2: also the states X
+    - 3: also the log-likelihood up to each row, as further columns of X
     """
     N = len(data.t)
     n = 6 * N if keep else 1

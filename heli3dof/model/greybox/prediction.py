@@ -58,11 +58,19 @@ def _windows(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Simulate from the filter's states in S rows; write the readings at M horizons to ``out``.
 
-    ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
-    in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
-    parameters that vary by recording; ``thrust_integral`` (N + 1, 2): the thrusts' time integral
-    (`impulse`); ``low``: roll on the table (rad); ``stride``: rows per time step; ``by_direction``:
-    see `predictions`. Other arguments: see `integrator`.
+    - ``out`` (S, M, 3): encoder readings (rad)
+    - ``starts`` (S,): the rows in which the simulations start
+    - ``ahead`` (M,): horizons in rows, ascending
+    - ``X`` (N, 6 + B): the filter's state in each row. It contains three angles, three rates, and B
+      parameters that vary by recording
+    - ``where``: the positions in ``par`` to which the function writes these B parameters. It is the
+      result of `positions`
+    - ``thrust_integral`` (N + 1, 2): the time integral of the thrusts (`impulse`)
+    - ``low``: the roll angle (rad) on the table
+    - ``stride``: rows per time step
+    - ``by_direction``: see `predictions`
+
+    Other arguments: see `heli3dof.model.physics.integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -125,8 +133,9 @@ pickled"""
 def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
-    Row k uses readings up to ``horizon_s`` s before it, and voltages of all rows before k. The
-    first rows, and axes that were not measured, are NaN.
+    The prediction for row k uses the readings up to ``horizon_s`` (s) before the time of row k. It
+    uses the voltages of all rows before k. The first rows, and axes that were not measured, are
+    NaN.
     """
     N = len(recording)
     n = max(1, round(horizon_s / recording.dt))

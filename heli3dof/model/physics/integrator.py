@@ -1,18 +1,19 @@
 """The simulation step: rigid body, rotors, effects, dry friction, and the table under the rig.
 
 The roll angle cannot fall below the angle at which the rig rests on its table (`stop_at_table`).
-Filters, closed loops and predictions use these functions. A row k is a sample: t[k] (s) is its
-time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages up to the next row. Other
-arguments:
+Filters, closed loops and predictions use these functions. A row is a sample: row k has the time
+t[k] (s), and h[k] (s) is the time to the next row. V[k] are the two motor voltages (V) in this
+interval. The functions also share these arguments:
 
-- ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q,
-  q̇), angles (rad) and rates (rad/s).
+- ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`)
+- ``x`` (6,): the three angles q (rad), then their rates q̇ (rad/s)
 - ``first``, ``address``, ``par``, ``mem``: the active effects (`Structure.arguments` of
-  `physics.parametrisation`).
-- ``target`` (N, 2) N: the steady-state thrusts at each row's voltages; ``F`` (N, 2) N: the thrusts
-  at each row's start (`physics.rotor`).
-- ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): values that
-  a step keeps for the next step; cache[0] = −1 before the first step.
+  `physics.parametrisation`)
+- ``target`` (rows, 2): in newtons, the thrusts that each row's voltages cause in steady state
+- ``F`` (rows, 2): in newtons, the actual thrusts at the time of each row (`physics.rotor`)
+- ``free`` (3,): True for each axis that can move
+- ``w`` (8, 3): work space
+- ``cache`` (6,): values that a step keeps for the next step. Before the first step, cache[0] is −1
 """
 
 from __future__ import annotations

@@ -56,9 +56,9 @@ because the paper assumes equal motors). The simulated acceleration is
     q̈ = (1 − λ) q̈_rigid + λ q̈_hover
 
 with the accelerations q̈_rigid of the rigid body and q̈_hover of the hover model. The weight λ is
-element `LINEAR` of the parameter array s (`state_layout`). λ is 1 in a model with the effect
-``base.hover``, and 0 in all others. The effect ``geometry`` with the parameter a reduces λ to
-1 − a.
+element `LINEAR` of the parameter array s (`state_layout`). In a model without the effect
+``base.hover``, λ is 0. In a model with ``base.hover``, λ is 1. If this model also has the effect
+``geometry``, λ is 1 − a, where a is the parameter of ``geometry``.
 
 **Simplified equations.** Four further elements of s select simplified equations: κ `UNCOUPLED`,
 ν `CONSTANT_YAW_INERTIA`, μ `WITHOUT_RATE_PRODUCTS`, η `SIDE_THRUST`. Each is the parameter of an
@@ -79,7 +79,8 @@ The value 0 keeps the equations of the rigid body. The value 1 has this meaning:
 - κ = 1 omits M_rψ, M_pψ, the term J_p sin² p of M_rr, the torque L_h sin r D, and the products of
   rates that q̈_alone does not contain. The largest omitted torque is M_pψ ψ̈ on pitch, up to
   0.01 N·m.
-- ν = 1 makes the inertia about the vertical constant: it no longer depends on roll.
+- ν = 1 omits the dependence of the yaw inertia on roll, for any κ. With κ = 1, the yaw equation is
+  then J_ψ ψ̈ = τ_y.
 - μ = 1, together with κ = 1, omits all products of rates.
 - η = 1, together with κ = 1, keeps the torque L_h sin r D.
 

@@ -42,11 +42,12 @@ def lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
 
 @inlined
 def steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
-    """Write to out (2,) N the steady-state thrusts at the voltages that act in row k.
+    """Write the steady-state thrusts at the voltages of row k to ``out`` (2,), in newtons.
 
-    V (N, 2) V are the commanded voltages, h (N,) s the times to the next row. If the rig has a
-    delay, the voltages of earlier rows act in row k. Rows before ``lead`` are not used: the voltage
-    of row ``lead`` takes their place. Other arguments: see `heli3dof.model.physics.integrator`.
+    A row is a sample. ``V`` (rows, 2) are the commanded voltages, in volts. ``h`` (rows,) are the
+    times from each row to the next, in seconds. If the rig has a delay, the voltages of earlier
+    rows replace those of row k. Rows before ``lead`` are not used: the voltages of row ``lead``
+    take their place. Other arguments: see `heli3dof.model.physics.integrator`.
     """
     whole, part = 0, 0.0
     if s[DELAY] > 0.0:
