@@ -26,7 +26,7 @@ PICTURES = ROOT / "docs" / "pictures"
 PAGE = ROOT / "docs" / "reference" / "gallery.md"
 HEAD = """# Gallery of command output
 
-The pictures show each command's output on an emulated rig.
+Each picture shows one subcommand's output for an emulated rig.
 """
 PHOTOGRAPHS = {
     (scheme, width): height
@@ -87,11 +87,11 @@ EXAMPLES = {
         ("heli3dof demo",),
     ),
     "run": Example(
-        "`run` flies a plan, records it, and prints how well the rig followed the steps.",
+        "`run` flies a plan, records the flight and evaluates the step responses.",
         (f"heli3dof run steps {MOCK} -o flight.mcap",),
     ),
     "run-step": Example(
-        "`run-step` flies one step and shows angles, references and voltages.",
+        "`run-step` flies a reference step and plots angles, references and voltages.",
         (f"heli3dof run-step --roll 10 {REAL_TIME} -o roll.mcap",),
         frame="18 of",
     ),
@@ -130,7 +130,7 @@ EXAMPLES = {
         before=("python -m tests.fleet.making lab",),
     ),
     "export": Example(
-        "`export` converts a recording to a table or a viewer's file.",
+        "`export` converts a recording to a table or to a log viewer's format.",
         ("heli3dof export steps.mcap -o steps.csv", "heli3dof export steps.mcap --to foxglove"),
         before=(STEPS,),
     ),
@@ -140,7 +140,7 @@ EXAMPLES = {
         before=(PROFILE + " --quiet", STEPS, "heli3dof export steps.mcap -o log.csv --quiet"),
     ),
     "info": Example(
-        "`info` summarises a recording: outcome, angles, steps, source.",
+        "`info` prints how a flight ended, the angles' ranges, and step-response metrics.",
         ("heli3dof info steps.mcap",),
         before=(STEPS,),
     ),
@@ -188,7 +188,7 @@ EXAMPLES = {
         "`zero` stores the encoder counts of the rig at rest.", (f"heli3dof zero {REAL_TIME}",)
     ),
     "exercise": Example(
-        "`exercise` hides effects in an emulated rig and marks the students' answers.",
+        "`exercise` secretly adds effects to an emulated rig, and marks the students' answers.",
         (
             "heli3dof exercise new --seed 8 --level 2 -o next.exercise",
             "heli3dof exercise mark answers",

@@ -237,7 +237,7 @@ def test_finding_ports_imports_nothing_heavy():
 
 def test_the_page_names_every_option_and_every_counter():
     page = (ROOT / "docs" / "reference" / "serial.md").read_text(encoding="utf-8")
-    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    rows = re.findall(r"^[|-] (`[^|:]*`)", page, re.MULTILINE)
     named = set(re.findall(r"`(\w+?)(?:_…_s)?`", "".join(rows)))
     counted = {f.name for f in fields(LinkStatistics)}
     assert set(DRIVER.options) <= named

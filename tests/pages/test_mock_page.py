@@ -17,4 +17,4 @@ def test_every_option_is_listed():
 def test_the_quoted_noise_is_the_emulators():
     roll, pitch, yaw = SIGMA_NM
     assert f"{roll:g}, {pitch:g} and {yaw:g} N·m" in PAGE
-    assert f"correlated over {1000 * CORRELATION_S:g} ms" in PAGE
+    assert f"correlation time of {1000 * CORRELATION_S:g} ms" in PAGE
