@@ -69,7 +69,7 @@ def test_the_readmes_numbers_are_those_of_the_benchmarks() -> None:
     false, quiet = sum(int(k) for _, k, _ in alarms), sum(int(n) for *_, n in alarms)
     assert f"In **{false} of {quiet}** flights without a hidden effect" in text
     worst = figures["kill -9: last command to zero volts, worst"]["value"]
-    assert f"at most **{worst}** after the last command" in text
+    assert f"within **{worst}** of the last command" in text
 
 
 def test_the_readmes_example_prints_the_identified_parameters() -> None:

@@ -74,14 +74,14 @@ class Geometry(Section):
     L_h: Annotated[
         Positive,
         Key(
-            "pitch axis to a motor's shaft, half the distance between the shafts",
+            "pitch axis to a motor's shaft",
             "m", "tape measure, from shaft to shaft, halved", "0.178", (0.05, 0.5), (0.01, 1.0),
         ),
     ]  # fmt: skip
 
 
 def _motor_mass(end: str) -> Key:
-    meaning = f"{end} motor with propeller, guard and half of the body that carries it"
+    meaning = f"{end} motor with propeller, guard and half of the body"
     measure = f"{SCALE}; or half of the body's weight"
     return Key(meaning, "kg", measure, "0.575", (0.1, 2.0), (0.005, 20.0))
 
@@ -111,7 +111,7 @@ class Motor(Section):
     V_o: Annotated[
         Finite,
         Key(
-            "voltage of each motor at level hover; negative for an arm that rests body up", "V",
+            "voltage of each motor at level hover; negative if the arm rests with the body up", "V",
             "raise both voltages until the body lifts off the table; V_o = V / cos(rest angle); or "
             "the mean voltage of a flight's level part; or from the masses", "7.456",
             (0.5, 20.0), (0.0, 200.0),
@@ -169,8 +169,8 @@ class Inertia(Section):
 REST = "digital level or protractor on the resting rig"
 
 
-def _encoder(axis: str, positive: str, typical: str) -> Key:
-    meaning = f"{axis} encoder; negative where the count falls as the angle rises ({positive})"
+def _encoder(axis: str, positive_motion: str, typical: str) -> Key:
+    meaning = f"{axis} encoder; negative if the count falls as {positive_motion}"
     measure = "data sheet (lines × 4); or turn the axis once by hand: heli3dof monitor --json"
     return Key(meaning, "counts/rev", measure, typical, (500, 50000), (0, 1e8))
 
@@ -183,9 +183,9 @@ class Encoder(Section):
     rests with its body on the table, at −27.5° in roll.
     """
 
-    roll: Annotated[Counts, _encoder("roll", "body up", "4096")]
-    pitch: Annotated[Counts, _encoder("pitch", "front motor up", "4096")]
-    yaw: Annotated[Counts, _encoder("yaw", "counter-clockwise from above", "8192")]
+    roll: Annotated[Counts, _encoder("roll", "the body rises", "4096")]
+    pitch: Annotated[Counts, _encoder("pitch", "the front motor rises", "4096")]
+    yaw: Annotated[Counts, _encoder("yaw", "the arm turns counter-clockwise from above", "8192")]
     roll_rest_deg: Annotated[
         Finite,
         Key("roll at rest on the table", "°", f"{REST}, along the arm", "-27.5", (5, 50), (0, 90)),

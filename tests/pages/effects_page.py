@@ -14,7 +14,8 @@ USUAL_PLAN = "large"
 def effects_table() -> str:
     """Markdown: a row for every cause that comes with heli3dof."""
     head = [
-        "effect", "what it does", "parameters", "what shows it", "confused with: plan",
+        "effect", "what it does", "parameters", "motion that shows it",
+        "confused with: plan that separates them",
     ]  # fmt: skip
     return table(head, [_row(e) for e in effects().values() if not e.name.startswith(INTERNAL)])
 

@@ -24,17 +24,19 @@ def keys_list() -> str:
 
 def _item(prefix: str, name: str, field: FieldInfo) -> str:
     key = key_of(field) or Key("")
-    unit = "" if key.unit == "–" else key.unit
+    unit = "" if key.unit in {"–", "share"} else key.unit
+    with_unit = unit if unit.startswith("°") else f" {unit}".rstrip()
     default = default_of(field)
     parts = [key.meaning]
     if default[0] in "-0123456789":
-        parts.append(f"default {default} {unit}".strip())
-    else:
-        names = {"required": "required", "absent": "optional"}
-        parts.append(names.get(default, f"default {default}"))
+        parts.append(f"default {default}{with_unit}")
+    elif default == "absent":
+        parts.append("optional")
+    elif default != "required":
+        parts.append(f"default {default}")
     if key.usual is not None:
-        parts.append(f"usually {key.usual[0]:g}–{key.usual[1]:g} {unit}".strip())
-    elif unit and unit not in parts[1]:
+        parts.append(f"usually {key.usual[0]:g}–{key.usual[1]:g}{with_unit}")
+    elif unit and unit not in parts[-1]:
         parts.append(unit)
     return f"- `{prefix}{name}`: " + "; ".join(parts)
 
