@@ -129,15 +129,15 @@ and the commit that was measured. The computer was shared, so times are upper bo
 In rows of the diagnosis:
 
 - A simulated rig has hidden effects, which the diagnosis should report as causes.
-- *Wrong name*: a reported cause that the rig does not have. A cause does not count as a wrong name
-  if the diagnosis lists an effect as confounded with it, or marks it "…-like" (unconfirmed).
+- *Wrong name*: a reported cause that the rig does not have. Two kinds of causes do not count: those
+  reported as confounded with another effect, and those marked "…-like" (unconfirmed).
 - *Unknown torque*: a hidden effect that the catalogue lacks.
 - *Other rigs*: rigs on which the diagnosis was not developed.
 - *Third plant*: a simulator written independently of heli3dof and of the emulated rig.
 
-`python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). All
-figures, also those without a row here, are in [data/figures.csv](data/figures.csv). Each table of a
-benchmark has a CSV file of its own in the same folder.
+`python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json).
+[data/figures.csv](data/figures.csv) contains all measured numbers, including those without a row on
+this page. The same folder contains each table of a benchmark as a CSV file.
 
 | what | measured | interval, or how | bar | met | command | commit |
 |---|---|---|---|---|---|---|
