@@ -255,10 +255,12 @@ class Diagnosis(Result):
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes: the findings by falling gain (`by_gain`), then faults of the recordings.
+    """Return all causes: findings and base parameters, then faults of the recordings.
 
-    ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
-    inserted before the first finding with a lower score.
+    The findings are sorted by falling gain, which is the increase in the log-likelihood of held-out
+    data (`by_gain`). ``off`` contains the base parameters (thrust gain, trim torque, inertias) that
+    differ from nominal. They have no such gain, but a score. So each of them is inserted before the
+    first finding with a lower score (`Finding.score`, `OffNominal.score`).
     """
     return in_order_of_selection(faults, by_gain(findings), off)
 
@@ -266,11 +268,12 @@ def in_order(
 def in_order_of_selection(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes: the ``findings`` in the given order, then faults of the recordings.
+    """Return all causes: findings and base parameters, then faults of the recordings.
 
-    ``off``: base parameters (thrust gain, trim torque, inertias) that differ from nominal. Each is
-    inserted before the first finding with a lower score. The faults are last: the fit allows for
-    lost samples and jitter, so they explain little error.
+    The ``findings`` keep their order. ``off`` contains the base parameters (thrust gain, trim
+    torque, inertias) that differ from nominal. Each of them is inserted before the first finding
+    with a lower score (`Finding.score`, `OffNominal.score`). The faults are last, because they
+    explain little error: the fit allows for lost samples and jitter.
     """
     out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):

@@ -1,40 +1,38 @@
 """Adopt the causes that improve the prediction of held-out data, and drop the others.
 
-Backward elimination: each cause is left out once, and the others are fitted again. The gain Δℓ of
-the cause is the log-likelihood of held-out data in the model with it, minus that in the model
-without it (`validation.gain`). A cause is adopted if one of these conditions holds:
+The method is backward elimination. For each cause, the model is refitted without this cause. The
+gain Δℓ of the cause is the log-likelihood of held-out data in the model with the cause, minus that
+in the model without it (`validation.gain`). The cause also has a score: its gain in BIC on the
+fitted recordings (`search.select`). A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
-2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score (a BIC, `search.select`) is
-   at least `SUFFICIENT`.
+2. Δℓ > `MIN_GAIN`. In addition, the search found this cause before the other causes in the model,
+   or the score of the cause is at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
-Condition 2 is for short flights, whose intervals are wide. The first cause has already passed the
-score test. A further cause with a score below `SUFFICIENT` may only compensate for the model error
-of the first. Condition 3 is for effects that act only briefly, such as a dead zone: their intervals
-are wide.
+In short flights, the interval of Δℓ is wide. Condition 2 is for these flights. It trusts the cause
+that the search found first, because this cause has passed the score test. A later cause with a
+score below `SUFFICIENT` may only compensate for the model error of the first one. The interval of
+Δℓ is also wide for effects that act only briefly, such as a dead zone. Condition 3 is for these
+effects.
 
 Even if a condition holds, a cause is dropped for any of these reasons:
 
 - It worsens the predictions: the RMSE of at least one axis increases, and the RMSE of no axis
   decreases. An RMSE counts as changed only if the change is significant and larger than the
   encoder's rounding (`worsens`).
-- Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`search.nulls`). Z is
-  the cause's standardised score in the score test. ρ is the factor by which coloured noise
-  increases the variance of this score (`bias_correction.coloured_noise`). For a torque that starts
-  at an unknown instant, such as an added mass's, `conclusion.step_in_noise` is this test.
+- Coloured noise explains it (`is_coloured_noise`).
 - An encoder error of at most one count explains the data equally well (`within_a_count`).
 
-If no flights could be simulated, the likelihood may be biased. A cause must then also meet two
-conditions (`conclusion.unknown_controller`):
+If no flights could be simulated, the likelihood may be biased (`conclusion.unknown_controller`). A
+cause must then also meet two requirements:
 
-1. If the cause acts on one axis, the fit gives this axis a plausible inertia.
-2. The RMSE of an axis with a plausible inertia decreases significantly, by more than the encoder's
-   rounding.
-
-Backlash need not meet the second condition, because predictions hardly show it. Some effects only
-select a form of the rigid body's equations (`Effect.of_base`). They need not meet the first
-condition. In the second condition, the RMSE may then be that of any axis.
+- Inertia: if the cause acts on one axis, the fit gives this axis a plausible inertia. Effects that
+  only select a form of the rigid body's equations (`Effect.of_base`) need not meet this
+  requirement.
+- Predictions: on an axis with a plausible inertia, the RMSE decreases significantly, by more than
+  the encoder's rounding. For the effects just mentioned, any axis suffices. Encoder backlash need
+  not meet this requirement, because predictions hardly show backlash.
 
 Causes are dropped one at a time: first those that coloured noise or an encoder error explains, then
 the one with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed again.
@@ -172,8 +170,8 @@ def adopted(
 def objection(fit: CorrectedFit, choice: Choice, g: Gain, *, first: bool) -> str:
     """Return the reason why held-out data do not confirm the cause ``choice``, or "".
 
-    ``g``: gain of the cause on held-out data. ``first``: True for the cause that the search found
-    first.
+    ``g``: gain of the cause on held-out data. ``first``: True if the search found this cause before
+    the other causes in ``fit``.
     """
     profile = fit.structure.profile
     if not meets_adoption_condition(choice, g, first=first) or worsens(g, profile):
@@ -219,10 +217,15 @@ def is_coloured_noise(
 ) -> bool:
     """Return whether coloured noise explains the data no worse than the cause ``choice`` does.
 
-    For a torque that starts at an unknown instant, the test is `step_margin` on the fit without the
-    cause, ``reduced``. For any other cause, Z²/ρ must reach the threshold of Z². Z is the cause's
-    standardised score, ρ the factor by which coloured noise increases its variance. The result is
-    False for effects that are part of the rigid body's equations (`Effect.of_base`).
+    ``fit`` contains the cause, ``reduced`` does not. Z is the standardised score-test statistic of
+    the cause. White noise rarely makes Z² exceed the threshold of the score test (`search.nulls`).
+    Coloured noise makes the variance of Z larger by a factor ρ (`bias_correction.coloured_noise`).
+    So the result is True if ρ > 1 and Z²/ρ is below the threshold. There are two exceptions:
+
+    - For a torque that starts at an unknown instant, such as that of an added mass, the result is
+      that of another test, `step_margin`.
+    - For effects that only select a form of the rigid body's equations (`Effect.of_base`), the
+      result is False.
     """
     effect = choice.term.effect
     if effect.of_base:
@@ -264,8 +267,11 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Return whether the gain ``g`` on held-out data suffices to adopt a cause.
 
-    It suffices if `is_significant_gain`. It also suffices if the log-likelihood gain exceeds
-    `MIN_GAIN`, and the cause is the ``first`` one or has at least the score `SUFFICIENT`.
+    A significant gain suffices (`is_significant_gain`). A gain in log-likelihood of more than
+    `MIN_GAIN` suffices in two cases:
+
+    - The search found this cause before the other causes in the model (``first``).
+    - The score of the cause is at least `SUFFICIENT`.
     """
     strong = first or choice.score >= SUFFICIENT
     return is_significant_gain(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
@@ -291,8 +297,8 @@ def fitted(
     """Return the base simulation and the extended model, with their prediction errors.
 
     The base simulation is the model to which the diagnosis adds causes: the rigid body, usually
-    without effects. The extended model adds the adopted causes and the terms for residual torques
-    to it. Its parameters have the values fitted in ``result.fit``.
+    without effects. The extended model is the base simulation with the adopted causes and the
+    terms for residual torques. The extended model has the parameter values of ``result.fit``.
     """
     fit, after = result.fit, result.after
     model = model_of(fit, train, "extended")

@@ -7,41 +7,35 @@ fitted together with the adopted causes.
 parameters may compensate for it. For example, a step about one hover voltage only determines the
 ratio of thrust slope to inertia. So a curved thrust appears as a wrong inertia.
 
-The score test evaluates each effect i at a trial size. If the rig has this effect with α times the
-trial size, and the model lacks it, the fitted parameter θ_j of T_g or an inertia shifts by α b_ji.
-θ_j is a scaled parameter, and b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`). The profile's
-tolerance sets a lower and an upper limit of θ_j. Suppose that the fitted θ_j is outside these
-limits. Effect i alone explains this deviation if θ_j − α b_ji lies between the limits. At a limit
-θ_edge,
+The score test evaluates each effect i at a trial size. Suppose that the rig has this effect with α
+times the trial size, and the model lacks it. The fit of a parameter θ_j (T_g or an inertia, scaled)
+then has the bias α b_ji. Here b_ji = (A⁻¹ T W δc_i)_j (symbols: `search.score_test`).
+
+The profile's tolerance sets a lower and an upper limit of θ_j. Suppose that the fitted θ_j is
+outside these limits. Effect i alone explains this deviation if θ_j − α b_ji, the value without the
+bias, lies between the limits. θ_edge is one of the limits. θ_j − α b_ji is at this limit for
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-Z is the expected score-test statistic of an effect of this size. So the two limits give a range of
-α and a range of Z. v_i is the information of effect i. std_i is the standard deviation of its score
-in flights simulated without the effect. Effect i is confounded with parameter j if both hold:
+Z is the expected score-test statistic of an effect of this size. v_i is the information of effect
+i. std_i is the standard deviation of its score in flights simulated without the effect. The two
+limits give a range of α and a range of Z. Effect i is confounded with parameter j if both hold:
 
-1. The smallest size α in its range is plausible: at most `LARGE` typical sizes, with a sign that a
-   rig can have.
+1. The α nearest to zero is plausible. The effect then has at most `LARGE` times its typical size,
+   and a sign that a rig can have.
 2. The statistic Z_i of the recordings lies in the range of Z, widened by `SIGMAS_997` on either
    side.
 
-A wrong K_f changes the fitted T_g and inertias by the same factor (`greybox.thrust_scale`). For K_f
-the same two conditions apply, with another range of α: the corrected parameters θ_j − α b_ji must
-give a K_f within the tolerance.
+For K_f, see `confounded_with_thrust_gain`.
 
 **Torques absorbed by an inertia.** In a short step flight, a slow torque has nearly the effect of a
-wrong inertia. Suppose that some inertias differ significantly from nominal, by more than the
-profile's tolerance ε (`diagnosis.base_parameters`). Then the effects with Z² > `SIGMAS_95`² are
-added to the model and fitted, one at a time, the largest Z² first. At most `MAX_ALTERNATIVES`
-effects are fitted. An effect is confounded with these inertias if its fit meets both conditions:
+wrong inertia. So effects with a large Z² are fitted in place of wrong inertias
+(`instead_of_inertia`).
 
-- The BIC of the fit is better than that of the fit without the effect, or worse by less than `TIE`
-  (`search.candidate_fits`).
-- All these inertias are now within the tolerance: ln(1 − ε) ≤ ln(J/J_nominal) ≤ ln(1 + ε).
-
-**Encoder scales.** An encoder with the scale error k reads y = rest + k (q − rest) at the angle q.
-rest is the angle at which counts start. The readings are nearly those of a rig with a correct
-encoder and other inertias. With roll r, pitch p, yaw ψ, arm length L_a and thrust F, a fit finds
+**Encoder scales.** An encoder with the scale error k has the reading y = rest + k (q − rest) at the
+angle q. rest is the angle of the rig on the table, where counts start. A rig with a correct encoder
+and other inertias has nearly the same readings. A fit with a correct encoder finds these other
+inertias. The rig has the roll angle r, pitch p, yaw ψ, arm length L_a, thrust F and inertias J:
 
     axis    fitted inertias                   because
     yaw     J_ψ/k in place of J_ψ             ψ = y/k, so that k L_a F cos r sin p = J_ψ ÿ
@@ -49,25 +43,27 @@ encoder and other inertias. With roll r, pitch p, yaw ψ, arm length L_a and thr
             k J_ψ in place of J_ψ             yaw is driven by sin p ≈ y/k
     roll    J_r/k in place of J_r             r = rest + (y − rest)/k
 
-A scale error of roll also shifts the level angle: y = 0 at q = rest (1 − 1/k). A fit finds this as
-an encoder offset or a pendulum torque. The readings of the two rigs differ only by products of
-rates and by higher-order terms of the sines.
+The readings of the two rigs differ only by products of rates and by higher-order terms of the
+sines. A scale error of roll also shifts the level angle: y = 0 at q = rest (1 − 1/k). The fit
+attributes this shift to an encoder offset or to a pendulum torque (an offset centre of mass).
 
-So a scale error is compared with three kinds of findings: an inertia off nominal, an encoder offset
-δ of roll, and a pendulum torque τ of roll, which is equivalent to δ = asin(τ/T_g). Let
-x = ln(J/J_nominal) for a fitted inertia J, with the standard deviation σ. ε is the profile's
-tolerance, and e = ln(1 + ε) + `SIGMAS_95` σ. The equation for an axis gives the k that explains the
-findings. The scale error is confounded with them if k is within the bounds of the effect
-``encoder.scale``, and the inequalities hold:
+So the true cause of three kinds of findings may be a scale error:
+
+- an inertia off nominal
+- an encoder offset δ of roll
+- a pendulum torque −τ sin r of roll, equivalent to the offset δ = asin(τ/T_g)
+
+For a fitted inertia J, x = ln(J/J_nominal) has the standard deviation σ. ε is the profile's
+tolerance, and e = ln(1 + ε) + `SIGMAS_95` σ. For each axis, the following equation gives the k that
+explains the findings. The scale error is confounded with them if the inequalities hold, and if k is
+within the bounds of the effect ``encoder.scale``:
 
     yaw     ln k = −x_ψ
     pitch   ln k = (x_ψ − x_p)/2,   |x_p + ln k| ≤ e_p   and   |x_ψ − ln k| ≤ e_ψ
     roll    1/k = 1 + δ/rest,       |x_r + ln k| ≤ e_r
 
-The report names a confounded scale error with the finding. It lists every other scale error as not
-identifiable, because other inertias give nearly the same readings. Roll may be an exception: a
-scale error k = 1 + ε of roll also shifts the level angle by rest (1 − 1/(1 + ε)). If the recordings
-can show an encoder offset of this size, they can show the scale error, and it is not listed.
+The report names a confounded scale error as an alternative to the finding. It lists the other scale
+errors as not identifiable (`undetectable_scales`).
 """
 
 from __future__ import annotations
@@ -159,7 +155,13 @@ def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
 
 
 def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
-    """Return the names of the effects that are confounded with a wrong thrust gain K_f."""
+    """Return the names of the effects that are confounded with a wrong thrust gain K_f.
+
+    No fit estimates K_f. Instead, a wrong K_f changes the fitted trim torque and inertias by the
+    same factor, from which `greybox.thrust_scale` computes K_f. An effect that the model lacks may
+    change this factor, because it biases the fitted parameters. Such an effect is confounded with a
+    wrong K_f if two conditions hold (`plausible_terms`).
+    """
     fit, screen = step.fit, step.screen
     base, half = fit.free[:4], 0.5 * fit.structure.profile.tolerance
     nominal = np.array([f.start for f in base])
@@ -196,18 +198,18 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 def plausible_terms(step: Step, ranges: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
     """Return the names of the effects that may explain why a fitted parameter is off nominal.
 
-    A fit that lacks an effect of the rig has biased parameters, for example a wrong inertia. A
-    single effect may be enough to explain the parameter's deviation. ``ranges`` contains the sizes
-    at which it does, as tuples (i, α_1, α_2) with |α_1| ≤ |α_2|. The size of effect i is then
-    α s_i, with α between α_1 and α_2. s_i is the trial size in the score test of ``step``.
+    A fit that lacks an effect of the rig has biased parameters, for example a wrong inertia.
+    ``ranges`` contains tuples (i, α_1, α_2) with |α_1| ≤ |α_2|. Effect i alone explains the
+    parameter's deviation if it has the size α s_i, with any α between α_1 and α_2. s_i is the trial
+    size of effect i in the score test of ``step``.
 
     The function returns the name of effect i if both hold:
 
-    - Its smallest size α_1 s_i is plausible: at most `LARGE` typical sizes, with a sign that a rig
-      can have.
-    - The sizes α_1 s_i and α_2 s_i give two expected values of the score-test statistic Z_i. Z_i of
-      the recordings lies between them, or is outside by less than `SIGMAS_997`. A size α_2 s_i
-      above `LARGE` typical sizes is replaced by this limit.
+    - The smallest size α_1 s_i is plausible. It is at most `LARGE` times the typical size of effect
+      i, and a rig can have its sign.
+    - For the sizes α_1 s_i and α_2 s_i, the score-test statistic Z_i has two expected values. Z_i
+      of the recordings lies between these values, or is outside by less than `SIGMAS_997`. If
+      α_2 s_i exceeds `LARGE` times the typical size, this limit takes its place.
     """
     screen, Z = step.screen, step.Z
 

@@ -11,34 +11,35 @@ confidence is at most `MOST_CONFIDENCE`. These findings are unconfirmed:
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
 
 2. `mass.change` in a fit to several recordings, or at a constant voltage. A fit to several
-   recordings has one instant of change, counted from each recording's first sample. That the mass
-   changes at the same instant in every recording is unlikely; a drift, such as warming motors,
-   explains it better. At a constant voltage, an added weight and a lower thrust have the same
+   recordings has one instant of change, counted from each recording's first sample. It is unlikely
+   that the mass changes at the same instant in every recording. A drift, such as warming motors,
+   explains the data better. At a constant voltage, an added weight and a lower thrust have the same
    torque.
 3. If the controller is unknown, a cause that single recordings do not confirm (see below). Without
    a controller no flights can be simulated, so no other test shows whether the cause is only a
    model error.
 
-**Single recordings** (rule 3). A joint fit also attributes differences between recordings (warm
-motors, battery, thrust at another voltage) to the terms. The likelihood's σ does not contain these
-differences. So each recording is fitted alone with the same terms. A term's first parameter has the
-estimate θ_i ± σ_i in recording i and the null value θ_0 (no effect). The recordings confirm the
-cause if both hold:
+**Single recordings** (rule 3). The rig may change between recordings: for example, the motors are
+warmer, or the battery is weaker. A joint fit to all recordings may attribute such changes to the
+effects in the model. The standard errors of the joint fit do not allow for these changes. So
+each recording is also fitted alone, with the same effects. θ is the first parameter of an effect,
+and θ_0 its value without the effect. The fit to recording i gives the estimate θ_i with the
+standard error σ_i. The recordings confirm the effect as a cause if both hold:
 
     significant:   |Σ (θ_i − θ_0)/σ_i²| ≥ `SIGMAS_95` √(Σ 1/σ_i²)
     of equal size: |θ_i − θ_j| ≤ `SIGMAS_997` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, rule 3 marks no finding.
 Rule 3 does not apply to a periodic torque or a change of mass. The fits to single recordings omit
-both effects, because an ordinary fit cannot find their frequency or instant. The diagnosis finds it
-by a search over all frequencies or instants, which is not repeated for single recordings.
+both effects, because an ordinary fit cannot find the frequency or the instant. The diagnosis finds
+them by a search over all frequencies and instants, which is not repeated for single recordings.
 
 **Confounded findings.** If some segments of the flight favour cause a, and others cause b, the two
 causes are confounded. Vuong's test (1989) shows this. It compares the fit with cause a and the
 fit with cause b; neither model contains the other. The fits have the log-likelihoods ℓ_a, ℓ_b and
 the scores S_a > S_b. A score is a gain in BIC (`search.select`). The flight is divided into C
-segments of `CELL_S` seconds. d_c is the difference of the log-likelihoods in segment c. The
-standard deviation of 2 (ℓ_a − ℓ_b) is
+segments of `CELL_S` seconds. d_c is the log-likelihood of segment c with cause a, minus that with
+cause b. The standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
 

@@ -1,23 +1,32 @@
 """Find a mistake in the profile's lengths that explains fitted inertias far from nominal.
 
-A rig with the true lengths L' (m) and inertias J' (kg·m²) moves with the accelerations
+Two lengths are the lever arms of the thrust: L_a from the yaw axis to the body, and L_h from the
+pitch axis to a motor. Near level hover, the thrust causes the angular accelerations
 
-    q̈_roll = L_a' F/J_roll'      q̈_pitch = L_h' D/J_pitch'      ψ̈ = −L_a' F sin p/J_yaw'
+    roll     L_a' F/J_roll'
+    pitch    L_h' D/J_pitch'
+    yaw      −L_a' F sin p/J_yaw'
 
-F and D are sum and difference of the thrusts (N), p is pitch. The profile has the lengths L. A
-simulation with these lengths gives the same accelerations if its inertias are
+- L_a', L_h': true lengths of the rig, m
+- J': true inertias of the rig, kg·m²
+- F, D: sum and difference of the two thrusts, N
+- p: pitch angle
 
-    J = J' L/L'        with L_a/L_a' for roll and yaw, L_h/L_h' for pitch
+The profile may have other lengths, L_a and L_h. A simulation with these lengths gives the same
+accelerations if its inertias are
+
+    J = J' L_a/L_a'  for roll and yaw,        J_pitch = J_pitch' L_h/L_h'
 
 So a fit with wrong lengths gives these J. `wrong_lengths` computes them for each usual mistake, and
-compares them with the fitted inertias. Example: the arm L_h' is half the distance between the
-motors, but the profile contains the full distance, L_h = 2 L_h'. The profile's inertia
-J_pitch,nominal is proportional to L_h². So the true inertia is J_pitch' = J_pitch,nominal/4. The
-fitted one is J_pitch = 2 J_pitch', half of J_pitch,nominal.
+compares them with the fitted inertias.
 
-The fitted inertias compensate for the wrong lengths on each axis separately, with another factor on
-pitch than on roll and yaw. So the terms of the simulation that couple the axes are wrong. The error
-of these terms looks like an unmodelled torque.
+Example: the true L_h' is half the distance between the motors. But the profile contains the full
+distance, L_h = 2 L_h'. The profile's inertia J_pitch,nominal is proportional to L_h², so it is
+4 J_pitch'. The fitted inertia is J_pitch = 2 J_pitch', which is half of J_pitch,nominal.
+
+The fitted inertias compensate for the wrong lengths on each axis separately. The factor on pitch
+differs from that on roll and yaw. So the terms of the simulation that couple the axes are wrong.
+Their error looks like an unmodelled torque.
 """
 
 from __future__ import annotations
@@ -38,17 +47,22 @@ ARMS = {"roll": "L_a", "pitch": "L_h", "yaw": "L_a"}
 
 
 def wrong_lengths(profile: Profile, ratios: Mapping[str, Measured]) -> dict[str, float]:
-    """Return corrected lengths {name: m} with which all inertias agree with the profile.
+    """Return the true lengths {name: m}, if wrong lengths in the profile explain the inertias.
+
+    A fit with wrong lengths gives wrong inertias. There are several usual mistakes, such as a
+    length of twice its true value. For each of them, the function computes the inertias that a fit
+    with the profile's wrong lengths gives. It chooses the mistake whose computed inertias are
+    nearest to the fitted ones. The result contains only the lengths that are wrong in the profile.
+    The result is empty in three cases:
+
+    - A ratio is missing in ``ratios``.
+    - No fitted inertia is far from nominal (`is_far`).
+    - No mistake explains all inertias: for each mistake, a fitted inertia differs from the computed
+      one by more than the profile's tolerance.
 
     ``ratios`` contains the ratios of the thrust gain K_f to the fitted inertias J
     (`identification.profile_update.ratios`). A flight determines K_f/J, but neither K_f nor J
-    alone. The function tries the usual mistakes in lengths, such as twice the true value. It
-    returns the true lengths for the mistake with which the inertias fit best. The result is empty
-    in three cases:
-
-    - A ratio is missing.
-    - No inertia is far from nominal (`is_far`).
-    - With each of the mistakes, an inertia is outside the profile's tolerance.
+    alone.
     """
     fitted = {a: ratios[f"K_f/J_{a}"] for a in AXES if f"K_f/J_{a}" in ratios}
     if len(fitted) < len(AXES) or not any(map(is_far, fitted.values())):
@@ -67,10 +81,11 @@ def is_far(m: Measured) -> bool:
 
 
 def _mistakes(profile: Profile) -> Iterator[dict[str, float]]:
-    """Yield for each usual mistake in the profile's lengths the true lengths {name: m}.
+    """Yield the true lengths {name: m} for each usual mistake in the profile's lengths.
 
-    A usual mistake is a length that has half or twice its true value in the profile. Another one is
-    that the profile has two lengths exchanged. Lengths that are correct in the profile are omitted.
+    There are two kinds of mistakes. The profile contains half or twice the true value of one
+    length, or it contains two lengths exchanged. The yielded dictionaries contain only the lengths
+    that are wrong in the profile.
     """
     L = profile.geometry.model_dump()
     for name, value in L.items():

@@ -1,4 +1,5 @@
-"""Diagnose logs by free-run predictions, if the likelihood of a fit to them is not valid.
+"""Diagnose logs by free-run (multi-step) predictions.
 
-Unmodelled fast motion and sampling jitter make it invalid (`identification.greybox.noise_check`).
+This method replaces maximum likelihood if unmodelled fast motion or sampling jitter make the
+likelihood of a fit to the logs invalid (`identification.greybox.noise_check`).
 """

@@ -1,22 +1,26 @@
 """Score test of every effect that a multi-step fit lacks, without fitting any.
 
-The fit minimises its cost Q = r·r + prior term, which corresponds to −2 ln L. r (R,) are its
-weighted residuals (`heli3dof.identification.greybox.multistep`), D = ∂r/∂z (dim, R) their
-derivatives with respect to the dim scaled parameters z. A probe is an effect with trial values of
-its parameters (`search.catalogue`). Simulation of the model with this effect gives the change
-d (R,) of r. If r is linear in the parameters, the effect decreases the minimum of Q by Z² = u²/v:
+A multi-step fit minimises the cost Q = r·r + (z − z_0)ᵀ Λ (z − z_0), where
+
+- r (R,): weighted residuals of the predictions (`heli3dof.identification.greybox.multistep`)
+- z (dim,): scaled parameters
+- z_0, Λ: mean and precision matrix of their prior
+
+Q corresponds to −2 ln L. Each effect is tested at trial values of its parameters
+(`search.catalogue`). A simulation of the model with the effect gives d (R,), the change of r. If r
+is linear in the parameters, the effect decreases the minimum of Q by Z² = u²/v:
 
     u = −d·(r − Dᵀ H⁻¹ (D r + Λ (z − z_0)))        score
     v = d·d − (D d)ᵀ H⁻¹ (D d)                     information on the effect's size
-    H = D Dᵀ + Λ                                   Λ, z_0: precision and mean of the prior
+    D = ∂r/∂z (dim, R),   H = D Dᵀ + Λ
 
-The parts with H⁻¹ project out the fit's parameters, as in `search.score_test`.
+The terms with H⁻¹ allow for a refit of z: they remove the part of d that a change of z can produce.
 
-A tested effect may be confounded with a cause that the fitted model already contains. If the cause
-is removed from the model, r changes by w (R,). If the effect is added to the model, r changes by
-d̃ (R,). In w and d̃, all fitted parameters except those of the cause are projected out. Removal of
-the cause increases Q. To first order, addition of the effect cancels the share
-ρ² = (d̃·w)²/(d̃·d̃ w·w) of this increase. If |ρ| > `CORRELATED`, the effect may be confounded with
+**Confounded effects.** A tested effect may be confounded with a cause that the fitted model already
+contains. Let w (R,) be the change of r if the cause is removed from the model. A change of the
+other fitted parameters can produce a part of d and a part of w. d̃ and w̃ are d and w without these
+parts. Removal of the cause increases Q. To first order, the tested effect can cancel the share
+ρ² = (d̃·w̃)²/(d̃·d̃ w̃·w̃) of this increase. If |ρ| > `CORRELATED`, the effect may be confounded with
 the cause.
 """
 

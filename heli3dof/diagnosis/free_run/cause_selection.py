@@ -1,14 +1,17 @@
 """Decide which terms of the fitted model are causes, and which are only kept in the model.
 
-A term is an effect on one axis, such as dry friction on pitch. Let θ̂ ± σ be the estimate of its
-first parameter and θ_0 this parameter's null value, at which the term has no effect. The confidence
-level (two-sided) at which the parameter differs from θ_0 is
+A term is an effect on one axis, such as dry friction on pitch. Let θ̂ be the estimate of its first
+parameter, σ its standard error, and θ_0 the parameter's null value, at which the term has no
+effect. The confidence level (two-sided) at which the parameter differs from θ_0 is
 
     P = erf(|θ̂ − θ_0| / (σ √2))
 
 A parameter may have a separate value in each of R recordings. Let d (R,) be the distances of these
-values from θ_0, with the covariance C. P is then the probability that χ² with R degrees of freedom
-is below dᵀ C⁻¹ d. A term is a cause if all of these hold:
+values from θ_0, with the covariance matrix C. The confidence level is then
+
+    P = Pr(χ²_R < χ̂²),        χ̂² = dᵀ C⁻¹ d
+
+A term is a cause if all of these hold:
 
 - A model without the term predicts held-out blocks worse. This condition is waived for a term known
   beforehand, that is, if the prior already excludes θ_0 (`free_run.elimination`).
@@ -21,16 +24,11 @@ All other terms stay in the model, because the rig may have such an effect altho
 do not show it. Their priors keep the estimated sizes realistic. If the rig has the effect, the
 model then predicts new motion better than a model without the effect.
 
-**Trim torque.** A multi-step fit estimates the trim torque T_g and, for each recording, an
-additional torque τ_i (`mass.imbalance`). The recordings determine T_g + τ̄, where τ̄ is the mean of
-all τ_i, but not T_g and τ̄ separately. So `MeanTrimFit` replaces T_g by T_g + τ̄ and sets τ̄ to zero.
-The covariance of its parameters is J C Jᵀ. C is the covariance of the fit's parameters, J contains
-the derivatives of the new parameters with respect to the fit's.
-
 **Halves of the data.** σ accounts for noise, but not for a model equation of the wrong form. A
 wrong form makes the estimates from two halves of the data differ. The cross-validation has two
 folds (`free_run.refits`). The training set of fold h is half h of the data: every other block of
-each flight. The fit to half h gives the estimate θ_h ± σ_h of the term's first parameter.
+each flight. The fit to half h gives the estimate θ_h of the term's first parameter, with the
+standard error σ_h.
 
     u_h = (θ_h − θ_0)/σ_h
     both significant:    min_h |u_h| ≥ q, and u_1 and u_2 have the same sign
@@ -39,7 +37,7 @@ each flight. The fit to half h gives the estimate θ_h ± σ_h of the term's fir
 q is the one-sided normal quantile of `LEVEL`. The two estimates do not count as significant if the
 prior determines one of them more than the data do: both fits use this prior, so it makes their
 estimates equal. If the parameter has a separate value for each recording, the estimates always
-count as agreeing. u_h is then the normal deviate with the same two-sided p-value as dᵀ C⁻¹ d.
+count as agreeing. u_h is then the normal deviate with the same two-sided p-value as χ̂² of half h.
 """
 
 from __future__ import annotations
@@ -208,7 +206,11 @@ def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[st
 class MeanTrimFit(PhysicalFit):
     """A fit whose trim torque T_g includes the mean of the recordings' additional torques.
 
-    Each recording has its own additional torque (`mass.imbalance`).
+    A multi-step fit estimates the trim torque T_g and, for each recording, an additional torque τ_i
+    (`mass.imbalance`). τ̄ is the mean of all τ_i. The recordings determine the sum T_g + τ̄, but not
+    T_g and τ̄ separately. So this class has T_g + τ̄ in place of T_g, and zero in place of τ̄. The
+    covariance matrix of the new parameters is J Σ Jᵀ. Σ is the covariance matrix of the parameters
+    of ``fit``. J contains the derivatives of the new parameters with respect to those of ``fit``.
     """
 
     fit: MultiStepFit

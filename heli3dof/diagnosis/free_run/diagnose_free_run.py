@@ -3,17 +3,20 @@
 The likelihood of a fit to such logs is invalid because of sampling jitter or unmodelled fast motion
 (`identification.greybox.noise_check`). Their controller is unknown.
 
-1. Two models are fitted to predictions of up to 3 s. The base simulation is the equations of motion
-   without any effect. The full model also has the effects usual on real rigs (its terms).
-   `free_run.candidates` adds further effects that reduce the cost of the fit significantly.
+1. Two models are fitted to predictions of up to 3 s. The first one, the base simulation, consists
+   of the equations of motion without any effect. The full model also contains the effects that are
+   usual on real rigs. `free_run.candidates` adds further effects to the full model if they reduce
+   the cost of the fit significantly. A term is an effect on one axis in the full model.
 2. `free_run.elimination` tests each term on held-out blocks: do the predictions get worse without
    it? `free_run.cause_selection` then selects the causes among the terms.
 3. `free_run.free_run_gain` compares the predictions of the base simulation and of the full model on
    held-out recordings. Without such recordings, it uses cross-validation. In the same way it
    compares the full model with and without each cause.
 4. The full model is adopted if it predicts better. Otherwise the result is the base simulation.
-5. `free_run.unexplained` reports what the adopted model does not explain. It also uses recordings
-   in which an angle is missing, which cannot be fitted.
+5. `free_run.unexplained` reports what the adopted model does not explain.
+
+A fit requires all three angles. So steps 1 to 4 omit recordings in which an angle is missing. Step
+5 uses them.
 """
 
 from __future__ import annotations

@@ -1,41 +1,40 @@
 """Recommend the plan that separates confounded causes in the shortest time.
 
-Causes are confounded if they explain the recordings almost equally well. A plan separates them if a
-diagnosis of its flight shows which cause the rig has. To predict this, `FLIGHTS` flights of each
-plan are simulated for each cause i. The simulation is in closed loop, with noise and encoder
-rounding. Its model is the fit to the recordings with cause i. If cause i was not fitted, the model
-is the base model plus a typical size of the cause.
+Causes are confounded if they explain the recordings almost equally well. A flight separates them if
+its diagnosis shows which cause the rig has. To predict this, B = `FLIGHTS` flights of each plan are
+simulated for each cause i. They are simulated in closed loop, with noise and encoder rounding, on
+the base model plus cause i. Cause i has its fitted size. If it was not fitted to the recordings, it
+has a typical size.
 
-Each simulated flight is fitted as in a diagnosis (`search.candidate_fits`), but with fewer models:
-the base model (0), and the base model plus cause k, for each k. ℓ_0 and ℓ_k are the maxima of the
-log-likelihood, m_k is the number of parameters of cause k, and N the number of filter updates. The
-score S_k is the gain in BIC if cause k is added to the base model. The margin M_i compares the true
-cause i with the best other one:
+Several models are fitted to each simulated flight (`search.candidate_fits`): the base model, and
+the base model plus one cause k, for each k. The score s_k is the gain in BIC if cause k is added to
+the base model:
 
-    S_0 = 0,      S_k = 2 (ℓ_k − ℓ_0) − m_k ln N,      M_i = S_i − max_{k≠i} S_k
+    s_k = 2 (ℓ_k − ℓ_0) − m_k ln N
 
-M_i and S_i are averaged over the simulated flights with cause i. A diagnosis ignores small
-differences of scores, because chance or an inexact formula may cause them
-(`select.least_difference`). So a flight is decisive, that is, it identifies cause i, if
+- ℓ_0, ℓ_k: maximum log-likelihood of the base model, and of the base model plus cause k
+- m_k: number of parameters of cause k
+- N: number of measurement updates of the Kalman filter
 
-    M_i > D,      D = max(`TIE`, `FORMULA_ERROR` S_i)
+The base model itself counts as k = 0, with s_0 = 0. The margin of a flight is the score of the true
+cause i, minus the best other score. Means over the B flights with the true cause i give the score
+S_i and the margin M_i:
 
-If the plan tests whether the rig has a further cause, in addition to those already found, D is at
-least `SUFFICIENT`. The margin of the plan is the smallest M_i. Plans are ranked by
+    S_i = mean s_i,      M_i = mean (s_i − max_{k≠i} s_k)
+
+A diagnosis ignores small differences of scores, because chance or an inexact formula may cause them
+(`select.least_difference`). So the plan is expected to identify cause i if M_i exceeds the limit
+D_i:
+
+    M_i > D_i,      D_i = max(`TIE`, `FORMULA_ERROR` S_i)
+
+A plan may test whether the rig has a further cause, in addition to those already found. D_i is then
+at least `SUFFICIENT`. The margin of the plan is the smallest M_i. Plans are ranked by
 
     min_i (M_i − `FORMULA_ERROR` S_i)/duration
 
-**Probability of a decision.** For two causes of known sizes, the margin of one flight is normally
-distributed. Its mean is M_i, and its variance is 4 M_i. The mean of B = `FLIGHTS` simulated flights
-estimates M_i with the variance 4 M_i/B. The margins of n real flights are added. Their sum has the
-mean n M_i. Its variance consists of 4 n M_i by the scatter of the flights and 4 n² M_i/B by the
-error of the estimate. D is computed with n S_i in place of S_i. So n flights are decisive with the
-probability
-
-    P_i(n) = Φ((n M_i − D) / (2 √(n M_i + n² M_i/B))),      0 if M_i ≤ 0
-
-The certainty of the plan is the smallest P_i(1) of all causes i. Whichever of the causes the rig
-has, one flight is decisive with at least this probability.
+The certainty of the plan is the smallest probability, over all causes i, that one flight identifies
+cause i if the rig has it (`_probability_decided`).
 """
 
 from __future__ import annotations
@@ -108,11 +107,11 @@ class Hypothesis:
         return model_at(self.problem, self.theta, self.noise)
 
     def fit(self, data: Data) -> Optimum:
-        """Return the fit of this model to ``data``.
+        """Return the maximum-likelihood fit of this model to ``data``.
 
-        The search for the maximum of the likelihood starts at the model's parameters and noise
-        intensities. If the cause has a grid of trial values (`Effect.starts`), the search starts at
-        the best of them.
+        The search for the maximum starts at the model's parameters and noise intensities. The
+        model's cause, ``term``, may have a list of trial values for its first parameter
+        (`Effect.starts`). This parameter then starts at the likeliest of these values.
         """
         problem, theta, noise = replace(self.problem, data=data), self.theta, self.noise
         if self.term is not None and self.term.effect.starts:
@@ -275,9 +274,9 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
 def _if_certain(recommended: NextExperiment, clause: str) -> NextExperiment | None:
     """Return the recommendation with ``clause`` added to its reason, or None.
 
-    The recommended flight should show whether the rig has a certain cause. The function returns
-    None if the probability that the flight shows this is below `MIN_CERTAINTY`. ``clause`` states
-    what the recordings already show about the cause.
+    The recommended flight tests whether the rig has one particular cause. ``clause`` states what
+    the recordings already show about this cause. The result is None if the test is too weak: if the
+    rig has the cause, the flight detects it with a probability below `MIN_CERTAINTY`.
     """
     if (recommended.certainty or 0.0) < MIN_CERTAINTY:
         return None
@@ -319,13 +318,28 @@ def _probability_decided(
 ) -> float:
     """Return P(n), the probability that n ``flights`` of a plan identify the true cause.
 
-    The score of a cause is its gain in BIC, added over the n flights. The flights identify the true
-    cause if its score exceeds the best other score by D (equation: see the module). D is the
-    largest of ``decisive``, `TIE` and 3 % of the true cause's score (`FORMULA_ERROR`).
+    The score of a cause in a flight is the gain in BIC if this cause is added to the model. The
+    margin of a flight is the score of the true cause, minus the best other score.
 
-    ``score``: expected score S of the true cause in one flight. ``margin``: expected value M of S
-    minus the best other score in one flight. M is estimated from only `FLIGHTS` simulated flights.
-    The error of this estimate limits P(n), even if n is large.
+    - ``score``: S, the mean score of the true cause over B = `FLIGHTS` simulated flights
+    - ``margin``: M, the mean margin over these flights
+
+    Scores and margins add up over the n flights. The flights identify the true cause if the sum of
+    their margins exceeds
+
+        D = max(``decisive``, `TIE`, `FORMULA_ERROR` n S)
+
+    For two causes of known sizes, the margin of one flight is normally distributed. Its variance is
+    four times its mean. The sum of n margins is predicted as n M. This prediction has two
+    independent errors:
+
+    - The margins of the n flights scatter: variance 4 n M.
+    - M is only the mean of B simulated flights: variance 4 n² M/B. This error limits P(n), even if
+      n is large.
+
+    So, with the normal distribution function Φ,
+
+        P(n) = Φ((n M − D) / (2 √(n M + n² M/B))),        0 if M ≤ 0
 
     >>> p = _probability_decided
     >>> p(6.0, 50.0), round(p(30.0, 50.0), 3), p(-1.0, 50.0)

@@ -1,15 +1,19 @@
 """Compare causes by flights simulated from each: Cox's test of separate hypotheses (1961).
 
-Usually the candidates' scores, their gains in BIC, decide which one is the cause (`search.select`).
-The scores rely on a linear correction for bias (`bias_correction.corrected_maximum`). The bias of a
-candidate is z̄: the mean of its score-test statistic z over null simulations, which contain no
-effect (`search.nulls`). κ is the variance inflation of z in these simulations.
+Usually, the search chooses the candidate cause with the best score (`search.select`). The score is
+the gain in BIC. The likelihood is approximate, so the score contains a linear correction for bias
+(`bias_correction.corrected_maximum`). The bias is estimated from null simulations: flights
+simulated from the current model, without any of the candidates (`search.nulls`).
+
+- z: score-test statistic of a candidate; mean 0 and variance 1 if the likelihood is exact
+- z̄: mean of z over the null simulations
+- κ: variance of z over the null simulations, at least 1 (median over all candidates)
 
 Cox's test does not use the linear correction. The candidates that it compares are called rivals.
 The test decides in place of the scores in two cases:
 
-1. The bias is too large for a linear correction: |z̄|/√κ > `SIGMAS_997` for one of the rivals. An
-   encoder limit cycle causes such a bias.
+1. The bias of a rival is too large for a linear correction: |z̄|/√κ > `SIGMAS_997`. An encoder limit
+   cycle causes such a bias.
 2. Rivals are confounded only because of ε, the uncertainty of the linear correction
    (`search.select`). The number of null simulations is small, so z̄ and ε depend on their random
    seed. If the scores decided this case, the seed might determine whether rivals are reported as
@@ -18,15 +22,16 @@ The test decides in place of the scores in two cases:
 Each rival is fitted (`bias_correction.correction`), and B flights are simulated from each fit. For
 the rivals j and k, d_jk = ℓ_j − ℓ_k is the difference of their log-likelihoods for the recordings.
 In the flights simulated from k, the same difference has the mean m_k and the standard deviation
-s_k. The simulations give the density f_k of d_jk for the case that k is the cause. t is the density
-of Student's distribution with B − 1 degrees of freedom:
+s_k. So the flights give f_k, the probability density of d_jk if k is the cause. In the same way,
+the flights simulated from j give f_j. t is the density of Student's distribution with B − 1 degrees
+of freedom:
 
     f_k(d) = t((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln [f_k(d_jk)/f_j(d_jk)]
 
 W_kj is twice the log odds of k against j. The chosen cause is the rival k with the largest
-min_{j≠k} W_kj. Rivals j with W_kj < `TIE` are confounded with k. The confidence in k is at most the
-posterior probability of k among k and the rivals that are not confounded with it
-(`select.certainty`).
+min_{j≠k} W_kj. Rivals j with W_kj < `TIE` are confounded with k. The confidence in k is at most its
+posterior probability (`select.certainty`). This probability compares k only with the rivals that
+are not confounded with it.
 """
 
 from __future__ import annotations
@@ -91,10 +96,11 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
     """Return |z̄|/√κ, the bias of the score test relative to its scatter, for each candidate.
 
-    z̄ is the mean of the candidate's score z over the null simulations: flights simulated without
-    any of the candidates. κ is the variance inflation of all scores in these simulations.
-    Candidates without a score test are omitted. Candidates whose z is a maximum over frequencies or
-    start times are also omitted: such a z has a positive mean even without bias.
+    z̄ is the mean of the candidate's score-test statistic z over the null simulations: flights
+    simulated without any of the candidates. κ is the variance of z in these simulations, at least 1
+    (median over all candidates). Candidates without a score test are omitted. Candidates whose z is
+    a maximum over frequencies or start times are also omitted: such a z has a positive mean even
+    without bias.
     """
     at = [c.probe for c in candidates if c.probe is not None and not c.term.effect.scan]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]

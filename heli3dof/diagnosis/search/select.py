@@ -9,26 +9,32 @@ the current model lacks. A step uses two statistics of each candidate:
   (`search.candidate_fits`). It shows which candidate is the cause. The log-likelihood in BIC is
   corrected for bias. The current model has S = 0.
 
-Two candidates with the scores S > S′ are **confounded** (`are_confounded`) if
+**Confounded candidates.** Two candidates with the scores S > S′ are confounded (`are_confounded`)
+if
 
     min(S − S′, (1 − ρ²) S) < max(`TIE`, `FORMULA_ERROR` · S) + 2 √S ε √(2 (1 − |ρ|))
     ε² = (`DRIFT` z̄)²/κ + 1/B
 
-- ρ is a correlation (`Screen.correlation`). Each of the two candidates changes the predicted
-  encoder readings, and ρ is the correlation of these changes. If the first candidate is the cause,
-  the second one is expected to explain the share ρ² of S. So the expected value of S − S′ is
-  (1 − ρ²) S. If S − S′ is larger, the excess is due to chance or to an inexact formula of an
-  effect. The excess is no evidence against the second candidate, so the criterion uses the smaller
-  of the two numbers.
-- ε is the uncertainty of the bias correction, in standard deviations of z. z is the statistic of
-  the score test before it is standardised. z̄ is its mean, and κ its variance inflation, in B null
-  simulations, which contain no further effect (`search.nulls`). The larger |z̄| of the two
-  candidates counts. `DRIFT` is the assumed relative error of z̄.
-- The last term of the criterion is the standard deviation of S − S′ due to ε.
-- A candidate may have no score test, or one that is a maximum over all frequencies or start times.
-  If one of the two candidates is of this kind, ρ and ε count as 0.
+ρ is a correlation (`Screen.correlation`). Each of the two candidates changes the predicted encoder
+readings, and ρ is the correlation of these changes. If the first candidate is the cause, the second
+one is expected to explain the share ρ² of S. So the expected value of S − S′ is (1 − ρ²) S. If
+S − S′ is larger, the excess is due to chance or to an inexact formula of an effect. The excess is
+no evidence against the second candidate, so the criterion uses the smaller of the two numbers.
 
-`best_choice` applies these rules:
+The last term of the criterion is the standard deviation of S − S′ due to ε. ε is the uncertainty of
+the bias correction, which comes from B null simulations: flights simulated from the current model,
+without any candidate (`search.nulls`).
+
+- z: statistic of the score test before it is standardised; mean 0 and variance 1 if the likelihood
+  is exact
+- z̄: mean of z over the null simulations. The candidate with the larger |z̄| counts
+- κ: variance of z over the null simulations, at least 1 (median over all candidates)
+- `DRIFT`: assumed relative error of z̄
+
+A candidate may have no score test, or one that is a maximum over all frequencies or start times. If
+one of the two candidates is of this kind, ρ and ε count as 0.
+
+**Choice.** `best_choice` applies these rules:
 
 1. If the best score is below `TIE`, no effect is a cause.
 2. A candidate qualifies if its Z² reaches the threshold of its score test (`Nulls.threshold_of`).

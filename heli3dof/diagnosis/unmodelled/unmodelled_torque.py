@@ -238,13 +238,13 @@ def _group(library: Hats, tests: ScoreTests, location: TorqueLocation) -> int:
 
 
 def ranked_with_time_bonus(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return ``groups``, sorted by falling significance; torques over time get the bonus `TIE`.
+    """Return ``groups``, sorted by falling significance; functions of time get the bonus `TIE`.
 
-    A group contains the hat functions of one variable on one axis, which describe a residual
-    torque. ``groups`` contains the indices of the groups to sort. ``x`` contains the significance
-    of every group. A residual torque as a function of time describes slow noise, such as a
-    draught. Because of the bonus, a group of another variable is sorted before it only if its x is
-    larger by more than `TIE`.
+    A group is a residual torque on one axis, as a function of one variable. ``groups`` contains the
+    indices of the groups to sort, and ``x`` the significance of every group. A function of time
+    describes slow noise, for example the torque of a draught. Before sorting, `TIE` is added to its
+    significance. So a function of another variable precedes a function of time only if it is more
+    significant by more than `TIE`.
     """
 
     def key(q: int) -> float:

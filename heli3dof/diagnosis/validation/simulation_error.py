@@ -1,34 +1,36 @@
 """Compute a model's prediction errors by axis and horizon, their noise floor and worst intervals.
 
-The noise floor is the error that the true model would have. It should be computed for the model
-with the effects found: a fit without these effects attributes them to noise. If the controller is
-known, the floor due to white noise is the model's error on flights simulated with the model. If the
-controller is unknown, this floor is √(P + d²/12). P is the variance of the angle that the filter
-predicts for the horizon, and d is the encoder step. The variance due to coloured noise is added.
+**Noise floor.** The noise floor is the RMS prediction error that the true model would have
+(`noise_floor_deg`). It should be computed for the model with the effects found: a fit without these
+effects attributes them to noise.
 
-The worst interval of an axis is the time interval of `WORST_S` in which predictions over
-`HORIZON_S` have the largest mean square error.
+**Worst interval.** The worst interval of an axis is the time interval of `WORST_S` in which
+predictions over `HORIZON_S` have the largest mean square error.
 
-**Coloured noise.** The filter assumes white process noise: an angular acceleration n(t) of each
-axis, with the density a² (a in rad/s²/√Hz). Draughts and other real torques are correlated over
-tenths of a second. The fitted a² then matches the spectrum of n only at high frequencies, so long
-predictions are worse than the filter expects. In a prediction over h, n causes the error
+**Coloured noise.** The filter assumes white process noise: a random angular acceleration n(t) of
+each axis, with the spectral density a² (a in rad/s²/√Hz). Draughts and other real torques are
+correlated over tenths of a second. The fitted a² then matches the spectrum of n only at high
+frequencies, so long predictions are worse than the filter expects. In a prediction over the horizon
+h (s), n causes the error e(h). Its variance is ρ(h) times the variance a² h³/3 of white noise:
 
     e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
     ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) (r_l − r⁰_l),   w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
 
-w is the normalised autocorrelation of the ramp h − s. Time is divided into m blocks of
-Δ = `NOISE_BLOCK_S`. The score u_b = Σ g δc is a sum over the encoder readings in block b. c is the
-predicted reading, g = ∂ ln L/∂c, and δc the change of c by a constant acceleration of 1 rad/s². So
-u_b is the part of block b in the derivative of ln L with respect to this acceleration. The mean of
-the u_b, which a constant torque causes, is subtracted. r_l is the autocorrelation of the u_b at lag
-l. Encoder quantisation also correlates the u_b: r⁰_l is their autocorrelation in flights simulated
-with white noise, with m⁰ blocks in all. It is 0 if no flights are simulated. With white noise, ρ
-has the standard deviation √(4 Σ w² (1/m + 1/m⁰)). ρ is set to 1 unless it exceeds 1 by
-`QUANTILE_99` standard deviations.
+w is the normalised autocorrelation of the ramp h − s. r_l − r⁰_l estimates the autocorrelation of n
+at the time lag l Δ. For this, time is divided into blocks of Δ = `NOISE_BLOCK_S`. A constant
+additional acceleration α of an axis would change the log-likelihood ln L of a flight. u_b is the
+contribution of block b to the derivative ∂ ln L/∂α, minus the mean contribution
+(`acceleration_scores`).
 
-The formula neglects stiffness and damping within h. It also assumes that the u_b have the
-correlation of n, because the filter's response time to n is shorter than h. A slow torque that the
+- r_l: autocorrelation of the u_b at the lag of l blocks, in the m blocks of the recordings
+- r⁰_l: the same autocorrelation in the m⁰ blocks of flights simulated with white noise. Encoder
+  quantisation causes it. If no flights are simulated, r⁰_l and 1/m⁰ are set to 0
+
+If n is white, the computed ρ has the standard deviation √(4 Σ w² (1/m + 1/m⁰)). ρ is set to 1
+unless it exceeds 1 by `QUANTILE_99` standard deviations.
+
+The formula neglects stiffness and damping within the time h. It also assumes that the u_b are
+correlated like n, because the filter responds to n in less than the time h. A slow torque that the
 model lacks also counts as noise.
 """
 
@@ -192,7 +194,11 @@ def noise_floor_deg(
 
 
 def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
-    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, from the filter's variances."""
+    """Return the noise floor (H, 3) in degrees due to white noise, from the filter's variances.
+
+    H is the number of `HORIZONS_S`. The noise floor is √(P + d²/12). P is the variance of the angle
+    that the Kalman filter predicts at the horizon, and d is the encoder step.
+    """
     from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
 
     problem = problem_of(model.structure, recordings)
@@ -236,10 +242,15 @@ def coloured_variance(
 
 
 def acceleration_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
-    """Return how much each of m time blocks contributes to the derivatives ∂ ln L/∂α: (m, 3).
+    """Return the contributions u (m, 3) of m time blocks to the derivatives ∂ ln L/∂α.
 
-    L is the likelihood, α (rad/s²) a constant additional acceleration of one of the three axes. A
-    block lasts `NOISE_BLOCK_S`. The mean over the blocks is subtracted.
+    L is the likelihood, and α (rad/s²) a constant additional acceleration of one of the three axes.
+    A block lasts `NOISE_BLOCK_S`. For block b and one axis,
+
+        u_b = Σ (∂ ln L/∂c) δc        (sum over the encoder readings in the block)
+
+    c is a predicted reading, and δc the change of c by α = 1 rad/s². The mean over the blocks,
+    which a constant torque causes, is subtracted.
     """
     problem, noise = problem_of(model.structure, [recording]), noise_of(model)
     (rows,) = rows_of_recordings(problem.data)
