@@ -16,8 +16,6 @@ from tests.pages.page import Page, table
 
 RECORDINGS, CORES = 10**6, 64
 """The laboratory of the plan: a computer of this size costs as much as a rig. Chosen."""
-MEMORY_GB = 1.0
-"""Memory of one `batch` that is small on every computer. Chosen."""
 NETWORK_MB_PER_S = 100.0
 """1 Gbit/s, in MB/s with 20 % for the protocol (a convention)"""
 DAY, HOUR = 86400.0, 3600.0
@@ -45,13 +43,12 @@ def one() -> str:
 
 def million() -> str:
     """Markdown: the costs of `RECORDINGS`."""
-    head = ("verb", "CPU time", f"{CORES} cores need", "read", "on disk")
+    head = ("verb", "CPU time", f"{CORES} cores need", "on disk")
     rows = []
     for verb, c in unit_costs().items():
         total = RECORDINGS * c["CPU s"]
         rows.append((
             f"`{verb}`", f"{_two(total / HOUR)} h", _duration(total / CORES),
-            f"{_two(RECORDINGS * c['MB in'] / 1e6)} TB",
             f"{_two(RECORDINGS * _disk_kb(c) / 1e6)} GB",
         ))  # fmt: skip
     return table(head, rows)
@@ -60,7 +57,7 @@ def million() -> str:
 def bottleneck() -> str:
     """Markdown: how many cores one `batch` keeps busy, and what it needs for that."""
     head = ("verb", "cores that one `batch` keeps busy", "it sends", "1 Gbit/s feeds",
-            "memory for 10⁶ rows", f"rows in {MEMORY_GB:g} GB")  # fmt: skip
+            "memory for 10⁶ rows")  # fmt: skip
     rows = []
     for verb, c in unit_costs().items():
         own, sent = c["CPU s of `batch` itself"], c["MB in"] + c["MB out"]
@@ -68,7 +65,6 @@ def bottleneck() -> str:
             f"`{verb}`", _two(c["CPU s"] / own), f"{_two(sent / own)} MB/s",
             f"{_two(NETWORK_MB_PER_S / sent * c['CPU s'])} cores",
             f"{_two(RECORDINGS * c['kB of memory'] / 1e6)} GB",
-            f"{floor(MEMORY_GB * 1e6 / c['kB of memory'] / 1000):,} 000".replace(",", " "),
         ))  # fmt: skip
     return table(head, rows)
 
