@@ -270,8 +270,8 @@ _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
 def check(data: bytes) -> bytes:
     """Return the last four bytes of a frame, which contain two checksums of ``data``.
 
-    The first two bytes are the CRC-16 of ``data``. The last two bytes are the CRC-16 of the same
-    bytes in reverse order. Each CRC-16 has its low byte first.
+    The first two bytes are the CRC-16 of ``data``. The last two bytes are the CRC-16 of
+    ``data[::-1]``, the same data in reverse order of its bytes. Each CRC-16 has its low byte first.
     """
     return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")
 

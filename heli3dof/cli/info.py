@@ -35,9 +35,10 @@ def info(
     columns: Columns = None,
     verbose: Verbose = False,
 ) -> None:
-    """Show what a recording contains: outcome, angles, the steps' overshoot and rise time, source.
+    """Show a recording: how the flight ended, ranges of angles and voltages, step responses.
 
-    The entry "steps" of the JSON document lists all steps of each axis.
+    With --verbose, also show all steps, all channels, and whether the recording comes from a
+    flight, a simulation or an import. In the JSON document, "steps" lists all steps of each axis.
     Example: heli3dof info rec.mcap
     """
     from heli3dof.comparison.document import steps_document

@@ -1,31 +1,39 @@
 """Probabilities that a quantity changed during a series of flights, by Bayesian model comparison.
 
-n flights give values yᵢ with standard deviations sᵢ, in order of time. Each model of a change adds
-one regressor x to a constant::
+n flights give values yᵢ of the quantity with standard deviations sᵢ, at the times tᵢ. Each model of
+a change is a regression on a constant level m and a change of size δ with the regressor x::
 
     yᵢ = m_p(i) + δ·xᵢ + eᵢ,   eᵢ ~ N(0, φ²uᵢ),   uᵢ = (1 − a)(sᵢ/s̃)² + a,   δ ~ N(0, g²φ²)
 
     step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2, counted from 0
-    two steps                a step before j and one before k, j + 2 ≤ k, with two sizes δ
     drift                    xᵢ = (tᵢ − t₀)/(tₙ₋₁ − t₀)     δ: change over all flights
     deviating flight j       xᵢ = 1 for i = j, else 0
+    two steps                the sum of two steps, before j and k ≥ j + 2, each with its own δ
 
-p(i) is the plan of flight i. Each plan has its own level m, because the estimate also depends on
-the plan: on the same rig, small and large reference steps give different values. s̃ is the median
-of the sᵢ. φ is the standard deviation of the value from a flight with sᵢ = s̃. The fraction a of φ²
-is due to scatter between flights. A step needs two flights on each side, because one flight alone
-is a deviating flight. Two steps need a model of their own: if the second one reverses or repeats
-the first, the model of one step fits badly. To save time, j and k of two steps can only take values
-of an evenly spaced grid with at most `MOST_BOUNDARIES` points.
+- p(i): the plan of flight i. Each plan has its own level m, because the estimate also depends on
+  the plan: on the same rig, small and large reference steps give different values
+- s̃: the median of the sᵢ
+- φ: the standard deviation of the value from a flight with sᵢ = s̃
+- a: the fraction of φ² that is due to scatter between flights
+- g: the typical size of a change, divided by φ
 
-Priors: m has a flat prior. a is on the grid `SHARES`, dense near 0, and g on the grid `SIZES`: 1,
-2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d. φ₀ is estimated from the other rigs
-of the fleet (the rig's siblings). d has two possible values: 1 with the probability `UNLIKE`, else
-a value that is also estimated from the siblings (`VariancePrior`). Without siblings, d is 0, which
-means p(φ) ∝ 1/φ.
+A step needs two flights on each side, because one flight alone is a deviating flight. Two steps
+need a model of their own: if the second one reverses or repeats the first, the model of one step
+fits badly. To save time, j and k of two steps can only take values of an evenly spaced grid with at
+most `MOST_BOUNDARIES` points.
 
-m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
-Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
+Priors:
+
+- m: flat
+- a: each value of the grid `SHARES` has the same probability. The grid is dense near 0
+- g: each value of the grid `SIZES` (1, 2, 4, … 32) has the same probability
+- φ²: d·φ₀²/χ²_d. φ₀ is estimated from the other rigs of the fleet (the rig's siblings)
+- d: 1 with the probability `UNLIKE`, else a value that is also estimated from the siblings
+  (`VariancePrior`). Without siblings, d is 0, which means p(φ) ∝ 1/φ
+
+The integrals over m, δ and φ have a closed form. Let wᵢ = 1/uᵢ, P the number of plans, and
+ν = n − P. x′ᵢ and y′ᵢ are xᵢ and yᵢ minus their means over the flights of the same plan, with the
+weights wᵢ. With Sxx = Σwᵢx′ᵢ², Sxy = Σwᵢx′ᵢy′ᵢ and Syy = Σwᵢy′ᵢ²::
 
     p(y | x, a, g, d) ∝ √(Πᵢwᵢ/Π_pΣwᵢ) · (1 + g²Sxx)^(−½) · C_d · (R + dφ₀²)^(−(ν+d)/2)
     R = Syy − Sxy²·B,   B = g²/(1 + g²Sxx),   C_d = Γ((ν+d)/2)/Γ(d/2) · (dφ₀²)^(d/2),   C₀ = 1

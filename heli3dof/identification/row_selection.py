@@ -8,27 +8,33 @@ is level. Rows are left out for one of these reasons:
 ``table``         roll at most 1° above its angle on the table, for 0.1 s or more
 ``take_off``      from lift-off until all three hold: roll is above half of its angle on the table,
                   the voltages have been off their limit for 0.25 s, and 3 s have passed
-``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), at
-                  rest there for 0.3 s or after an impact; yaw has no stop
+``stop``          roll or pitch at a mechanical stop, as defined below
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
 ``falling``       at the end of a flight: the rows after the last one in which roll is above half of
                   its angle on the table
 ``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)
 
-A test distinguishes an arm that hits a stop from an arm that only reverses. Let q be the width of
-an encoder count. The arm arrives at the rate v and stays on one count for the time T. If it
+**Stops.** Roll has an upper stop, and pitch has two stops. Yaw has none. An axis is at a stop while
+its encoder count is constant, if all of these hold:
+
+- The angle is within 0.2° of the axis' largest or smallest angle in the flight.
+- This largest or smallest angle is beyond ±25°.
+- The count is constant for 0.3 s or more, or the axis has hit the stop.
+
+A test distinguishes an axis that has hit a stop from an axis that only reverses. Let q be the width
+of an encoder count. The axis arrives at the rate v and stays on one count for the time T. If it
 reverses within this count with the constant acceleration a, then v = √(2qa) and T = 2 √(2q/a), so
-v T = 4q. An arm at a stop stays longer:
+v T = 4q. An axis at a stop stays longer:
 
     v T > `HIT` q
 
-The test misses an impact if the arm leaves the stop sooner. A missed impact also harms a fit: the
-Kalman filter's model has no stops, so the filter treats the impact as process noise. But a stop has
-a fixed angle. So if the test finds a row at a stop, all rows of the flight in which this encoder
-has the same count are left out.
+The test misses an impact if the axis leaves the stop sooner. A missed impact would harm a fit: the
+Kalman filter's model has no stops, so the filter would treat the impact as process noise. But a
+stop has a fixed angle. So if the test finds a row at a stop, all rows of the flight in which this
+encoder has the same count are left out.
 
-Rows in flight with a voltage at its limit are kept, because the recorded voltage is that at the
-motor. Their share is reported.
+**Saturation.** Rows in flight with a voltage at its limit are kept, because the recorded voltage is
+the voltage at the motor. Their share is reported.
 """
 
 from __future__ import annotations

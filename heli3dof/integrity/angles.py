@@ -53,11 +53,11 @@ def angles(view: View) -> Iterable[Fault]:
 
 
 def grids(view: View) -> Iterable[Fault]:
-    """Yield a fault for each angle that is not on the grid of the profile's encoder.
+    """Yield a fault for each axis whose angles are not on the grid of the profile's encoder.
 
-    The grid of an encoder with N counts per revolution consists of the multiples of 2π/N rad. If
-    the angle is on the grid of an encoder with another N, the fault is bad data. If the angle is on
-    no such grid, the fault is only a note.
+    The grid of an encoder with N counts per revolution consists of the multiples of 2π/N rad. The
+    fault is of the most severe kind, `Kind.BAD_DATA`, if the angles are on the grid of an encoder
+    with another N. It is of the mildest kind, `Kind.NOTE`, if they are on no such grid.
     """
     r = view.recording
     for i in _axes_to_check(view):

@@ -55,8 +55,8 @@ class Fault:
     confidence: float = 1.0
     """From 0 to 1; chosen, not computed"""
     allowed_for: bool = False
-    """True if simulations know the fault at every sample, such as lost samples or the jitter of
-    exact time stamps. Then it causes no simulation error."""
+    """True if a simulation of the recording includes the fault, such as lost samples, or sampling
+    jitter that the time stamps show. The fault then causes no simulation error."""
 
     @property
     def is_cause(self) -> bool:

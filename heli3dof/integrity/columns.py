@@ -15,8 +15,14 @@ The check first selects axes. Normally, it selects the inconsistent axes. If a v
 constant, the column may contain another signal, such as a constant reference. Then the check
 selects all driven axes.
 
-The check then exchanges two columns at a time. It tries each pair that contains a voltage or the
-angle of a selected axis. The pair is a candidate if the exchange has both of these effects:
+The check then exchanges two columns of the log at a time. The columns are the angles, the voltages,
+and the references that are not constant. The check tries these pairs:
+
+* the angle of a selected axis, and any other column;
+* one voltage, and any column except the other voltage. Swapped motors have the effect of a wrong
+  sign, and `directions` reports them.
+
+A pair is a candidate if the exchange has both of these effects:
 
 * At least one selected axis becomes consistent, and the R² of this axis increases.
 * No other axis becomes inconsistent.
@@ -37,9 +43,6 @@ and a reference as swapped if only the reference is on the grid of the angle's e
 the reference of b. ρ is the correlation of an angle and a reference in flight:
 
     ρ(a, ref_b) > `FOLLOWS`,   ρ(a, ref_a) < `IGNORES`,   ρ(b, ref_b) < `IGNORES`
-
-The check does not exchange the two voltages. Swapped motors have the effect of a wrong sign, and
-`directions` reports them.
 """
 
 from __future__ import annotations
@@ -222,8 +225,8 @@ def block_means(r: Recording) -> Recording:
 def _pairs(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
     """Yield the pairs of columns whose swap may explain the motion of the axes ``bad``.
 
-    Each pair contains a voltage, or the angle of an axis in ``bad``. A column is given as its index
-    in the table ``T`` (`_table`).
+    Each pair contains a voltage, or the angle of an axis in ``bad``. The pair of the two voltages
+    is left out. A column is given as its index in the table ``T`` (`_table`).
     """
     present = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
     for a, b in combinations(present, 2):

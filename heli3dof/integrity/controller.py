@@ -38,8 +38,8 @@ def controller(view: View) -> Iterable[Fault]:
     """Yield a fault if the profile's controller does not reproduce the logged voltages.
 
     `voltage_replay` computes the controller's voltages from the logged angles and references. The
-    fault is a note if the controller is one period late, or if an excitation was not logged. In all
-    other cases, the fault is a finding.
+    fault is of the mildest kind, `Kind.NOTE`, if the controller is one period late, or if an
+    excitation was not logged. In all other cases, it is of the more severe kind `Kind.FINDING`.
     """
     r = view.recording
     result = voltage_replay(view.corrected)

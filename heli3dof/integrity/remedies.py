@@ -25,10 +25,10 @@ def is_log(recording: Recording) -> bool:
 def column_of(recording: Recording, quantity: str) -> tuple[str, str]:
     """Return the column that contains ``quantity``, and how `import` computed it from the log.
 
-    ``quantity``: ``roll``, ``pitch``, ``yaw``, or the name of a voltage's column. The first value
-    is the name of the recording's column. An angle's name has the unit that its ``--map`` option or
-    the profile's ``[log]`` states, such as ``roll_rad``. If neither computes the angle, the name
-    ends in ``_deg``.
+    ``quantity``: ``roll``, ``pitch``, ``yaw``, or the name of a voltage's column.
+
+    The first value is the column's name. For an angle, the name ends in the unit in which `import`
+    read the angle: ``roll_rad`` or ``roll_deg``. Without an import, it ends in ``_deg``.
 
     The second value is an expression of the log's columns, such as ``-x[3]``. If `import` copied a
     column of the log, the expression is the name of that column in the log. A ``--map`` option may

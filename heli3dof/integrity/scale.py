@@ -1,8 +1,9 @@
 """Report an encoder's wrong number of counts per revolution, and a wrong gain of the amplifier.
 
 `response` estimates each axis' response g to the voltages: the acceleration that they cause,
-divided by the profile's prediction. Let encoder i read k_i times the true angle, and let the thrust
-be K times the profile's thrust. Then roll r, pitch p and yaw ψ have the responses
+divided by the profile's prediction. The checks use only *reliable* responses: those with a small
+standard deviation and a high R² (`reliable`). Let encoder i read k_i times the true angle, and let
+the thrust be K times the profile's thrust. Then roll r, pitch p and yaw ψ have the responses
 
     g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p
 
@@ -18,17 +19,19 @@ the profile's.
 σ = `SCATTER` allows for lag, friction and inertia; σ_K = `SPREAD` allows for thrust gain and
 counterweight.
 
-* The roll angle enters the equations of all axes. To test roll's k, the check therefore divides
-  roll by k and estimates all responses again.
-* Yaw's k is tested only if the response of another axis is reliable. J_roll and J_yaw come from the
-  same masses, so wrong masses change the responses of roll and yaw alike.
-* Pitch's k is tested only if yaw's response is reliable. Friction, backlash or another inertia
-  changes g_p only, but a wrong k_p changes both g_p and g_ψ.
-* The check reports the hypothesis with the smallest χ² if this χ² ≤ `FITS`, and every other χ² is
-  larger by at least `MARGIN`. If the logged angle changes in steps of k counts of the profile's
-  encoder, these steps also show a wrong k. Then half of `MARGIN` is enough.
+* Roll: The roll angle enters the equations of all axes. To test k_r, the check therefore divides
+  roll by k_r and estimates all responses again.
+* Yaw: The check tests k_ψ only if the response of another axis is also reliable. A wrong k_ψ
+  changes yaw's response only. Wrong masses change roll's response by the same factor as yaw's.
+* Pitch: The check tests k_p only if yaw's response is also reliable. A wrong k_p changes both g_p
+  and g_ψ. Friction, backlash or another inertia changes g_p only.
 
-The check reports a wrong k as bad data. There are two special cases:
+The check reports the hypothesis with the smallest χ² if this χ² ≤ `FITS`, and every other χ² is
+larger by at least `MARGIN`. If the logged angle changes in steps of k counts of the profile's
+encoder, these steps also show a wrong k. Then half of `MARGIN` is enough.
+
+The check reports a wrong k as bad data (the most severe kind of fault). There are two special
+cases:
 
 * If the response of pitch is not reliable, a factor k of yaw's encoder has the same effect as a
   factor 1/k of pitch's encoder. The check then names both causes.

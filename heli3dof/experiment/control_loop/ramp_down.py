@@ -11,21 +11,23 @@ sent; V_o: hover voltage of each motor; v_max: the amplifier's limit.
 
 From voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would
 drive the arm into the table or throw it upwards. (With a wrong encoder sign the controller may end
-at 24 V; a ramp from there throws the arm by up to 100°.) So both motors go to zero at once. V does
-not depend on the angles, because a faulty encoder may have ended the flight. Comparison with other
-laws: `make bench TOPIC=ramp_down`.
+at 24 V; a ramp from there throws the arm by up to 100°.) In this case, the loop sets both motors to
+zero immediately, without a ramp. V does not depend on the angles, because a faulty encoder may have
+ended the flight. Comparison with other laws: `make bench TOPIC=ramp_down`.
 
 * Control periods that the loop skipped count as periods of the ramp, so they do not lengthen it.
-* If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
+* If the device does not answer, or if a second Ctrl-C arrives, the loop stops the device
+  immediately.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
 * After a completed plan the ramp is slow (``landing_s``), and the safety monitors stay active
-  (`Supervision`). A report of a monitor, a failure of the recorder or a request to end shortens the
-  remaining part of the ramp to at most ``ramp_down_s``. If none of these events occurred, the loop
-  checks the encoder of roll (the arm's angle) at the end of the ramp. A working encoder shows the
-  arm fall. An encoder that reads a constant angle above the table may be dead. In that case the
-  loop holds zero volts until the reading changes, for at most `FALL_S`.
-* If the device still reports an output voltage after the ramp, the loop holds zero volts for at
-  most `ZERO_S`. Then it stops the device, and the flight counts as tripped.
+  (`Supervision`). Three events shorten the rest of the ramp to at most ``ramp_down_s``: a report of
+  a monitor, a failure of the recorder, or a request to end.
+* If none of these events occurred, the loop checks the roll encoder at the end of the ramp. A
+  working encoder shows the arm fall. An encoder that reads a constant angle above the table may be
+  dead. Then the loop holds zero volts until the reading changes, for at most `FALL_S`.
+* If the device still reports an output voltage above `ZERO` · V_h after the ramp, the loop holds
+  zero volts for at most `ZERO_S`. If the voltage stays above this limit, the loop stops the device.
+  The flight's outcome is then ``tripped`` (ended by a safety trip).
 """
 
 from __future__ import annotations

@@ -35,9 +35,9 @@ the arm's rate. The observer does not know the rate after a gap of samples, eith
 monitor checks no encoder until the observer has found the rate (`SETTLING`).
 
 On the table, friction may hold pitch and yaw, so the monitor does not check their encoders there.
-It checks the roll encoder there only under a thrust that lifts every known rig. If the motors push
-an axis against its mechanical stop, the report names the stop, not the encoder. During the ramp to
-zero, the monitor does not report an axis at its stop.
+It checks the roll encoder there only at voltages that lift the arm of every known rig. If the
+motors push an axis against its mechanical stop, the report names the stop, not the encoder. During
+the ramp to zero, the monitor does not report an axis at its stop.
 
 There was no false alarm in 10 h of emulated flight, half in hover and half in plan `rich`. The
 rigs' parameters differed by up to 15 % from the profile. Detection times are in
@@ -63,7 +63,8 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 LIFTS = 3.2
-"""Sum of both motors' voltages that lifts even a rig with 0.6 of the nominal thrust, over V_h"""
+"""Sum of both motor voltages, divided by V_h, at which even a rig with 0.6 of the nominal thrust
+lifts its arm"""
 ROLL_STOP = radians(30.0)
 """rad: roll beyond it may be at its mechanical stop (known rigs: +36°)"""
 AT_STOP_S = 0.5
@@ -202,7 +203,7 @@ class FrozenEncoder(SafetyMonitor):
 
 
 class _Axis:
-    """Computes how far one axis must have turned since the last change of its encoder's count.
+    """Computes a lower bound of an axis' motion since the last change of its encoder's count.
 
     The object contains the observer of the axis's motion and estimates of two numbers. F is the dry
     friction divided by the inertia (rad/s²). The clearance C is an angle (rad) that the axis may
@@ -266,12 +267,14 @@ class _Axis:
         self._friction = self._estimated_friction()
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Compute how far the thrust must have turned roll since the last change of the count.
+        """Update ``moved`` (rad): a lower bound of roll's motion since the count last changed.
 
-        This method replaces `step` for roll while the arm may lie on the table. ``h``: s since the
-        last sample; ``count``: the encoder's count; ``angle``: the encoder's angle in rad.
-        ``lift``: roll acceleration in rad/s², caused by the excess of the present thrust over the
-        thrust that lifts every known rig from the table.
+        The bound is the motion of a model that starts at rest and has the acceleration ``lift``.
+        Use this method instead of `step` while the arm may lie on the table.
+
+        ``h``: s since the last sample; ``count``: the encoder's count; ``angle``: the encoder's
+        angle in rad. ``lift`` (rad/s²) is proportional to V − V_w. V is the sum of both motor
+        voltages. V_w is the sum at which even the weakest known rig lifts its arm.
         """
         if count != self.count:
             self.restart(count, angle)

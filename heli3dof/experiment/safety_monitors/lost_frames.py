@@ -28,9 +28,11 @@ DEVICE_FIX = "heli3dof doctor: see the device; a lower rate_hz in the profile"
 
 
 class LostFrames(SafetyMonitor):
-    """Safety monitor that counts consecutive lost samples, and samples that echo no new command.
+    """Safety monitor that ends the flight if the link loses samples or commands for too long.
 
-    A sample echoes the last command that the device executed: it contains the command's number.
+    It limits two numbers: the number of consecutive lost samples, and the number of consecutive
+    samples that acknowledge no new command. Each sample contains the number of the last command
+    that the device executed. The sample acknowledges this command.
     """
 
     order = 30

@@ -1,28 +1,33 @@
 """Compute how a small change of the model changes the filter's predictions, to first order.
 
-A change of the model adds δa (rad/s²) to the accelerations. At each of E *events*, the extended
-Kalman filter (`heli3dof.model.estimation.ekf_quantised`) reads an encoder and updates its state
-x = (q, q̇), in rad and rad/s. x and the prediction c of each reading change by
+The extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`) estimates the state
+x = (q, q̇): angles in rad and rates in rad/s. It updates x at E *events*. At each event it reads an
+encoder; c is its prediction of this reading. A change of the model adds δa (rad/s²) to the angular
+accelerations q̈. Then x and c change by
 
-    δx ← Φ δx + [h²/2; h] δa          from one row to the next, h (s) later
-    δc = σ δx_c,   δx ← δx − K w δc   at each event of the encoders
+    δx ← Φ δx + [h²/2; h] δa          from one row of the data to the next, h (s) later
+    δc = σ δx_c,   δx ← δx − K w δc   at each event
 
-Φ is the transition matrix over h of the linearised model, with A = ∂q̈/∂(q, q̇). x_c is the
-component of x that the event reads, σ = ∂c/∂x_c, and w = −∂² ln Z/∂c² is the reading's information,
-with its likelihood Z. K (E, 6) is the covariance of x and c before the event. K w, the Kalman gain,
-is held fixed.
+- Φ: transition matrix over h of the linearised model
+- x_c: the component of x that the event reads; σ = ∂c/∂x_c
+- w = −∂² ln Z/∂c²: information of the reading, with its likelihood Z
+- K (E, 6): covariance of x and c before each event. The change of the model does not change the
+  Kalman gain K w, by assumption
 
-- `forcing`: computes δa from a change of parameters or effects. δa is constant within each chunk,
-  a time interval of `CHUNK_S`
-- `forward`: computes δc (E,) from δa
-- `backward`, the adjoint of `forward`: computes the derivative L_b (3,) of a weighted sum
-  Σ_e q_e δc_e with respect to the change δa_b in each chunk b. The sum is then Σ_b L_b · δa_b for
-  every change δa, so a single pass serves all changes
-- `misreading`: computes the change δm (rad) of a predicted reading if the model of the encoder
-  changes and the true angle does not. `forward` then computes δc = σ δx_c + δm at each event of
-  this encoder. At the start of each run (rows without gaps), the filter computes the angle from the
-  recorded reading, which stays the same. So `forward` starts each run with the change −δm/σ of the
-  angle
+The module's functions:
+
+- `forcing` computes δa from a change of parameters or effects. δa is constant within each chunk, a
+  time interval of `CHUNK_S`.
+- `forward` computes δc (E,) from δa.
+- `backward` is the adjoint of `forward`. For given weights v_e, it computes the derivative L_b (3,)
+  of the sum Σ_e v_e δc_e with respect to δa_b, the change δa in chunk b. For every δa, this sum is
+  Σ_b L_b · δa_b. So one pass serves all changes of the model.
+- `misreading` is for a change of an encoder's model. It computes the change δm (rad) of a predicted
+  reading if the true angle stays the same.
+
+With δm, `forward` computes δc = σ δx_c + δm at each event of this encoder. At the start of each run
+(rows without gaps), the filter computes the angle from the recorded reading. The recorded reading
+does not change, so this angle changes by −δm/σ.
 """
 
 from __future__ import annotations
@@ -124,13 +129,15 @@ def forcing(
 def misreading(
     p: Path, wide: Structure, sets: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return how other parameter values change the encoder readings (rad) at unchanged angles.
+    """Return how other parameter values change the encoder readings (rad) at the same true angles.
 
     ``p`` contains a run of the Kalman filter with E measurement updates, each with one reading.
-    ``sets`` are J + 1 sets of parameter values of the model structure ``wide``. The changes are
-    those from the first set to each of the J others. The first result (J, E) contains the changes
-    at the measurement updates. The second result (J, B, 3) contains the changes of the three
-    readings at the first row of each of B blocks (runs of rows without gaps).
+    ``sets`` are J + 1 sets of parameter values of the model structure ``wide``. The results are the
+    changes from the first set to each of the J others:
+
+    - (J, E): the changes of the readings at the measurement updates
+    - (J, B, 3): the changes of the three readings in the first row of each of B blocks (runs of
+      rows without gaps)
     """
     at, blocks = p.at, p.data.blocks
     assert at.X is not None
@@ -148,10 +155,12 @@ def forward(
     ``p`` contains a run of the Kalman filter, which predicts E encoder readings. ``a`` (J, C, 3)
     are the changes of the accelerations (rad/s²) in C chunks (short time intervals).
 
-    ``m`` and ``m0`` are None, unless a change of the model also changes the encoder readings at
-    given angles. Then they are the two results of `misreading`: the changes ``m`` (J, E) of the E
-    readings, and the changes ``m0`` (J, B, 3) of the first readings in each of B blocks (runs of
-    rows without gaps).
+    ``m`` and ``m0`` are the two results of `misreading`, for changes of an encoder's model. If no
+    encoder's model changes, they are None.
+
+    - ``m`` (J, E): changes of the E predicted readings if the true angles stay the same
+    - ``m0`` (J, B, 3): the same for the three readings in the first row of each of B blocks (runs
+      of rows without gaps)
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -162,11 +171,11 @@ def forward(
     return D
 
 
-def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the derivatives of M weighted sums Σ_e q_e δc_e with respect to changes of the model.
+def backward(p: Path, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the derivatives of M weighted sums Σ_e v_e δc_e with respect to changes of the model.
 
     ``p`` contains a run of the Kalman filter, which predicts E encoder readings. δc_e is the change
-    of the predicted reading e. ``q`` (M, E) contains the M sets of weights q_e. The three results
+    of the predicted reading e. ``v`` (M, E) contains the M sets of weights v_e. The three results
     are the derivatives with respect to
 
     - the changes of the model's accelerations in C chunks (short time intervals), (M, C, 3)
@@ -174,12 +183,12 @@ def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     - the changes of the filter's first state in each of B blocks (runs of rows without gaps),
       (M, B, 6)
     """
-    L = np.zeros((len(q), len(p.chunk), 3))
-    mu = np.zeros(q.shape)
-    z0 = np.zeros((len(q), len(p.data.blocks), 6))
+    L = np.zeros((len(v), len(p.chunk), 3))
+    mu = np.zeros(v.shape)
+    z0 = np.zeros((len(v), len(p.data.blocks), 6))
     passes.backward(
         p.A, p.chunk, p.data.h, p.data.blocks, p.at.row, p.at.state, p.at.w, p.at.K, p.slope,
-        np.ascontiguousarray(q), L, mu, z0,
+        np.ascontiguousarray(v), L, mu, z0,
     )  # fmt: skip
     return L, mu, z0
 

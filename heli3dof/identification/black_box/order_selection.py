@@ -2,18 +2,22 @@
 
 Order and interval decide how good a black box is in closed loop. At an interval of 2 ms, the
 innovations (one-step prediction errors) are mostly the rounding of the encoders. At 40 to 80 ms,
-they are mostly motion of the rig that the model cannot predict. A candidate is the fit of one order
-at one interval. Its score is the mean fit (%) over the axes, on the *training* flights, of
+they are mostly motion of the rig that the model cannot predict.
+
+A candidate is the fit of one order at one interval. Its score is the mean fit (%) over the axes, on
+the *training* flights, of
 
 * predictions 1 s ahead, and
-* the closed-loop replay, where the controller is known. The replay is a simulation with the
-  recorded references.
+* the closed-loop replay, if the controller is known. The replay is a simulation with the recorded
+  references.
 
-None of the methods minimises these two errors, so a larger order does not score better merely
-because it has more parameters. The replay rejects models that are good one step ahead and diverge
-in closed loop; the prediction rejects poor noise models. The search chooses the smallest order
-whose score is at most `SCORE_TOLERANCE` percentage points below the best. If several intervals of
-this order qualify, it takes the one with the highest score.
+The identification methods (``pem``, ``oe``, ``pbsid``) minimise neither the 1 s prediction errors
+nor the replay errors. So a larger order does not score better merely because it has more
+parameters. The replay rejects models that are good one step ahead and diverge in closed loop. The
+prediction rejects poor noise models.
+
+The search chooses the smallest order whose score is at most `SCORE_TOLERANCE` percentage points
+below the best. If several intervals of this order qualify, it takes the one with the highest score.
 """
 
 from __future__ import annotations

@@ -28,12 +28,16 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A discrete model about a trim in innovation form, with n states, m inputs and l outputs.
+    """A discrete-time linear model in innovation form, with n states, m inputs and l outputs.
 
         x[k+1] = A x[k] + B u[k] + K (y[k] − C x[k]),   y[k] = C x[k] + d + e[k]
 
-    u (m,) and y (l,) are deviations from the trim, x (n,) is the state, e the innovation with
-    covariance S (l, l), d (l,) a constant offset.
+    - u (m,), y (l,): inputs and outputs, as deviations from a trim
+    - x (n,): state
+    - d (l,): constant offset of the outputs
+    - e (l,): innovation, with the covariance S (l, l)
+
+    The gain K multiplies y − C x, which is the sum of e and d.
     """
 
     A: np.ndarray

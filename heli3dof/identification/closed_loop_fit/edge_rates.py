@@ -221,10 +221,12 @@ def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
 def weights(C: np.ndarray) -> np.ndarray:
     """Return the weight matrix W (n + 6, n + 6) of the moments, from their covariance C.
 
-    The moments of a flight are n scores, three noise derivatives and three edge rates (see
-    `moments_of_axis`). W is the inverse of C, after two changes of C. Each variance is increased by
-    the fraction `RIDGE`. All covariances are set to zero, except those between the three moments of
-    one axis.
+    The moments of a flight are n scores, three noise derivatives and three edge rates. Three of
+    them belong to each axis: the score of its inertia, its noise derivative and its edge rate
+    (`moments_of_axis`). W is the inverse of C, after two changes of C:
+
+    - Each variance is increased by the fraction `RIDGE`.
+    - The covariance of two moments is set to zero, unless both belong to the same axis.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True

@@ -1,28 +1,32 @@
 """Fit physical parameters by minimising the errors of predictions up to 3 s ahead.
 
-The method is for logs with sampling jitter or unmodelled fast motion. If a time stamp is not the
-time of its sample, a one-step prediction has an error that is proportional to the angular rate. In
-a fit to one-step predictions, these errors would bias all parameters that act through accelerations
-towards zero. In predictions over a second or more, the errors are negligible.
+The method is for logs with sampling jitter or unmodelled fast motion. Jitter means that a time
+stamp differs from the time of its sample. It causes errors of one-step predictions that are
+proportional to the angular rate. A fit to one-step predictions would therefore estimate values too
+near zero for all parameters that affect the accelerations. In predictions over a second or more,
+these errors are negligible.
 
-A Kalman filter (`heli3dof.model.estimation.ekf_jitter`) estimates the states. The model is
-simulated from S of these states without further correction, over M horizons h_j. e_i[k, j] is the
-prediction error (rad) of axis i at horizon j, for the simulation that starts in row k. The fit
-minimises
+A Kalman filter (`heli3dof.model.estimation.ekf_jitter`) estimates the states. From S of these
+states, the model is simulated without further correction. e_i[k, j] is the prediction error (rad)
+of axis i in the simulation that starts in row k, at the j-th of M horizons. The fit minimises
 
     Q(θ) = (T/τ)/(S M) Σ_k Σ_j Σ_i ρ(e_i[k, j]/s_i[j]) + (θ − θ_0)ᵀ Λ (θ − θ_0),
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
 
-T is the flight time (s) and τ = `WINDOW_S` the length of a window, so T/τ is the number of
-independent windows. θ_0 is the prior's mean and Λ its precision. The fit runs in stages, from short
-horizons to long ones, because long predictions diverge if the parameters are poor. At the start of
-each stage, s_i[j] is set to the RMS of the errors e_i[k, j]. The search is
-`heli3dof.identification.greybox.levenberg_marquardt`. The derivatives ∂e/∂θ include the change of
-the filter's states with θ.
+- T (s): flight time
+- τ = `WINDOW_S`: length of a simulation. Simulations that do not overlap count as independent;
+  their number is T/τ
+- s_i[j]: RMS of the errors e_i[k, j] at the start of the present stage (see below)
+- θ_0, Λ: mean and precision (inverse covariance) of the prior of the scaled parameters θ
 
-The priors of the effects are weak. The prior of the inertias follows from geometry: lengths and a
-few masses determine the *ratios* of the inertias. Their common factor is uncertain: the fit gives
-inertias in units of the thrust gain K_f, which differs by a factor of two between rigs.
+The fit runs in stages, from short horizons to long ones, because long predictions diverge if the
+parameters are poor. The search is `heli3dof.identification.greybox.levenberg_marquardt`. The
+derivatives ∂e/∂θ include the change of the filter's states with θ.
+
+The effects' parameters, such as friction and drag, have weak priors. The prior of the inertias
+follows from geometry: lengths and a few masses determine the *ratios* of the inertias. Their common
+factor is uncertain: the fit gives inertias in units of the thrust gain K_f, which differs by a
+factor of two between rigs.
 
 A parameter named in ``varying`` has a different value in each recording. The prior of these values
 is N(common value, σ²) with σ = ``varying[name]``.
@@ -52,7 +56,7 @@ STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 ROUNDS = 8
 """Largest number of iterations of a stage"""
 WINDOW_S = 3.0
-"""τ, s: length of a prediction window; windows that do not overlap count as independent"""
+"""τ, s: length of a simulation; simulations that do not overlap count as independent"""
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.15
 """Prior standard deviations: `RATIO_STD` of ln(J_pitch/J_roll) and of ln(J_yaw/J_roll),
@@ -370,9 +374,11 @@ def likeliest_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise (4,) that maximises the likelihood at the scaled parameters z (dim,).
 
     The first three elements of the noise are the process noise on roll, pitch and yaw (rad/s²/√Hz).
-    The fourth is the sampling jitter (s). The search starts at the noise ``a`` (4,). It first
-    compares the jitters `JITTERS_S`, with the process noise of ``a``. Then it keeps the best jitter
-    and changes the process noise by up to four Newton steps.
+    The fourth is the sampling jitter (s). The search has two steps:
+
+    1. Compute the likelihood of each jitter in `JITTERS_S`, with the process noise ``a[:3]``. Keep
+       the jitter with the largest likelihood.
+    2. Improve the process noise, in at most four Newton steps.
     """
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a = np.append(a[:3], JITTERS_S[int(np.argmax(tried))])
@@ -385,7 +391,7 @@ def likeliest_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _apart(flight: Flight) -> float:
-    """Return the time (s) between the starts of the flight's prediction windows."""
+    """Return the time (s) between the starts of successive simulations of the flight."""
     if len(flight.starts) < 2:
         return WINDOW_S
     return float(np.median(np.diff(flight.t[flight.starts])))

@@ -5,9 +5,15 @@
     V = V_o + K_g [r_ref − r, p_ref − p, ψ_ref − ψ, −ṙ, −ṗ, −ψ̇, ∫(r_ref − r), ∫(ψ_ref − ψ)] + extra
     v = clip(V, ±v_max)
 
-in radians, seconds and volts, with the paper's errata E5, E6, E7 (docs/explanation/paper.md)
-corrected. V are the two motor voltages, V_o is the hover voltage and K_g (2 × 8) the gain. The two
-voltages extra are added to the feedback, for example as excitation. At sample k:
+in radians, seconds and volts. The paper's errata E5, E6, E7 (docs/explanation/paper.md) are
+corrected.
+
+- V (2,): the motor voltages; v (2,): the same after the limiter
+- V_o: the hover voltage
+- K_g (2, 8): the gain
+- ``extra`` (2,): voltages that are added to the feedback, for example as excitation
+
+At sample k:
 
 1. Each reference passes a rate limiter. After `Controller.reset` it starts at the measured angle.
 2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin. The
@@ -23,12 +29,12 @@ voltages extra are added to the feedback, for example as excitation. At sample k
 `control_law` is the only implementation of this law. The real-time loop runs it on Python lists (a
 few µs per period, without numba), and the simulations compile it.
 
-A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or in extra counts as
+A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or in ``extra`` counts as
 zero. If the computed voltage is not finite, the output v is 0 V.
 
-**Open loops.** A plan may open the loops of some axes: the feedback of these axes is replaced by
-constant voltages. Axis i is 0 for roll, 1 for pitch, 2 for yaw. V_o + Σ_i c_im is the feedback
-voltage of motor m. Axis i contributes
+**Open loops.** A plan may open the loops of some axes. The controller then replaces the feedback of
+these axes by constant voltages. The feedback voltage of motor m is V_o + Σ_i c_im. Axis i (0 roll,
+1 pitch, 2 yaw) contributes
 
     c_im = K_m,i (q_i,ref − q_i) − K_m,3+i q̇_i + clamp(K_m,6+j ξ_j)
 
@@ -37,21 +43,20 @@ rate, and ξ_j the integral of its error. j is 0 for roll and 1 for yaw; pitch h
 
 Each axis has a mode in each control period:
 
-    CLOSED  The loop is closed: the controller uses c_im.
-    LEARN   The loop is closed, too. The controller averages c_im over consecutive periods in this
-            mode. The next LEARN phase of the axis replaces the mean c̄_im.
-    OPEN    The loop is open: the controller uses the constant c̄_im instead of c_im.
+    CLOSED  The loop is closed.
+    LEARN   The loop is closed. The controller computes c̄_im, the mean of c_im over consecutive
+            periods with this mode. The first of these periods starts a new mean.
+    OPEN    The loop is open. The constant c̄_im replaces c_im: the controller adds c̄_im − c_im to
+            ``extra[m]``. The reference of the axis is its own angle, so ξ_j does not grow.
 
-To replace c_im by c̄_im, the controller adds Σ_i (c̄_im − c_im), a sum over the open axes i, to the
-element m of extra. The reference of an open axis is its own angle, so its integral does not grow.
-When the loop closes, the reference returns to the flight plan's reference at the rate `RETURN`,
-without a jump. A recording contains the references and the extra voltages after these changes. So
-V = law(angle, reference) + extra is true for its rows, and a replay needs no modes.
+When a loop closes, its reference returns to the plan's reference at the rate `RETURN`, without a
+jump. A recording contains ``extra`` and the references after these changes. So the law above holds
+for every row, and a replay needs no modes.
 
-The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
-between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate
-exceeds `SHARE` of the safety envelope, all loops are closed. They stay closed until a period in
-which no axis has the mode OPEN.
+The built-in plans open roll or yaw, not pitch. With an open pitch loop, a body without pitch
+stiffness would tip over within seconds if the motors' thrusts differed by 1 %. If an angle or a
+rate exceeds `SHARE` of the safety envelope, the controller closes all loops. They stay closed until
+a period in which no axis has the mode OPEN.
 """
 
 from __future__ import annotations

@@ -93,8 +93,8 @@ class LoopCheck:
     def gain_margin(self) -> float | None:
         """Return the gain margin g > 1 of the two motors; None if the loop is unstable.
 
-        The loop stays stable if the gains of both motors change simultaneously, each by its own
-        constant factor between 1/g and g.
+        A constant factor may multiply the gain of each motor. The loop stays stable if each factor
+        is between 1/g and g. The two factors may differ.
         """
         if self.disk_margin is None:
             return None
@@ -105,8 +105,8 @@ class LoopCheck:
     def phase_margin_deg(self) -> float | None:
         """Return the phase margin φ (°) of the two motors; None if the loop is unstable.
 
-        The loop stays stable if the phase at both motors changes simultaneously, at any frequency,
-        for each motor by its own value between −φ and φ.
+        A phase shift may be inserted at each motor. The loop stays stable if each shift is between
+        −φ and φ at every frequency. The two shifts may differ, and may depend on the frequency.
         """
         return None if self.disk_margin is None else degrees(2 * atan(self.disk_margin / 2))
 

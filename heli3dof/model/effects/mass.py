@@ -21,15 +21,17 @@ def inertia_ratio(s: Any, par: Any, mem: Any, out: Any) -> None:
 def inertia_product(s: Any, par: Any, mem: Any, out: Any) -> None:
     """A product of inertia: the centrifugal force pushes masses below the roll axis outwards.
 
-    The product of inertia is P = Σ m x z in kg·m², with a mass m at the distance x along the level
-    arm and z below it. At the roll angle r and the yaw rate ψ̇, the torques are
+    The product of inertia is P = Σ m x z in kg·m². A mass m is at the distance x from the yaw axis,
+    along the level arm, and at the distance z below the arm. x is positive on the body's side and
+    negative on the counterweight's. At the roll angle r and the yaw rate ψ̇, the torques are
 
         τ_roll = P ψ̇² cos(2r)          τ_yaw = −2 P ṙ ψ̇ cos(2r)
 
-    Both follow from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes it
-    a pendulum (effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A
-    counterweight that hangs below reduces P. The change of the yaw inertia J_yaw by P sin(2r) is
-    neglected: a few per cent of J_yaw at the angles of flight.
+    Both follow from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². P is positive for a body
+    that hangs below the arm. A counterweight that hangs below the arm reduces P. With masses below
+    the roll axis, the arm is also a pendulum (effect `stiffness.pendulum`, k = g Σ m z with gravity
+    g). The change of the yaw inertia J_yaw by P sin(2r) is neglected: a few per cent of J_yaw at
+    the angles of flight.
     """
     c = par[A] * math.cos(2.0 * s[R])
     out[0] += c * s[PSI_DOT] * s[PSI_DOT]

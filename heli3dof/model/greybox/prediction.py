@@ -133,9 +133,9 @@ pickled"""
 def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
-    The prediction for row k uses the readings up to ``horizon_s`` (s) before the time of row k. It
-    uses the voltages of all rows before k. The first rows, and axes that were not measured, are
-    NaN.
+    The prediction for row k starts ``horizon_s`` (s) before row k. It uses all readings until this
+    start and none after it, but the voltages of all rows before k. Rows that have no such start,
+    and axes that were not measured, are NaN.
     """
     N = len(recording)
     n = max(1, round(horizon_s / recording.dt))

@@ -174,19 +174,19 @@ class Structure:
         parameters, ``values`` (J, n), the arrays s and par have a further first dimension of
         length J.
         """
-        sets = [self._context_and_rows(v) for v in np.atleast_2d(values)]
+        sets = [self._s_and_par(v) for v in np.atleast_2d(values)]
         s, par = np.array([s for s, _ in sets]), np.array([par for _, par in sets])
         if np.ndim(values) == 1:
             s, par = s[0], par[0]
         mem = np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
         return s, self.hooks.first, self.hooks.address, par, mem
 
-    def _context_and_rows(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return two arguments of the effects' H compiled functions, for parameter ``values`` (n,).
+    def _s_and_par(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the arrays s and par of `arguments`, for one set of parameter ``values`` (n,).
 
-        The first array (SIZE,) contains parameters and state of the rig. Row i of the second array
-        (H + 1, PARAMETERS) contains the effect parameters that function i reads. Its last row is
-        zero. `arguments` calls the arrays s and par.
+        s (SIZE,) contains the rig's parameters and state. par (H + 1, PARAMETERS) is for the H
+        compiled functions of the effects. Row i of par contains the effect parameters that function
+        i reads. The last row is zero.
         """
         s = _s.context(self.profile)
         s[_s.T_G] = values[0]

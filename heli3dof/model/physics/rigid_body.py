@@ -1,8 +1,8 @@
 """The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that pitches.
 
-r, p, ψ are roll, pitch, yaw (rad). The bar, also called the body, carries the two motors at ±L_h.
-It has rotational inertia only about axes perpendicular to itself. Its angular velocity about these
-axes is
+r, p, ψ are roll, pitch, yaw (rad). The bar, also called the body, carries one motor at each end,
+L_h (m) from its centre. It has rotational inertia only about axes perpendicular to itself. Its
+angular velocity about these axes is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
@@ -12,12 +12,15 @@ end. With J_a = J_ψ − J_p the kinetic energy T and the potential energy U are
 
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
-with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). J_p and J_ψ contain
-only the masses that the profile lists. A real rig has further parts, such as a rotor, a drum or a
-counterweight on the shaft. δJ_p and δJ_ψ are the inertias of these parts about the pitch and the
-yaw axis. They occur in M_pp and M_ψψ only. T_g is the gravity torque of the level arm (N·m).
-G_p = (m_f − m_b) g L_h is that of the level body, with the motor masses m_f, m_b. Lagrange's
-equations M(q) q̈ + h(q, q̇) = Q have
+- J_r, J_p, J_ψ (kg·m²): inertias about the three axes of the level rig. J_p and J_ψ contain only
+  the masses that the profile lists
+- T_g (N·m): gravity torque of the level arm
+- G_p = (m_f − m_b) g L_h (N·m): gravity torque of the level body, with the masses m_f, m_b (kg) of
+  the front and the back motor
+
+A real rig has further parts, such as a rotor, a drum or a counterweight on the shaft. δJ_p and δJ_ψ
+are the inertias of these parts about the pitch and the yaw axis. They occur only in the elements
+M_pp and M_ψψ of the mass matrix M. Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
     M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
@@ -32,8 +35,8 @@ Here α_a and α_n are the parts of ω̇_a and ω̇_n that do not contain angula
     h_ψ = J_p (sin r α_a + ω_a cos r ṙ + cos r cos p α_n − ω_n (sin r cos p ṙ + cos r sin p ṗ))
           − 2 J_a cos r sin r ṙ ψ̇
 
-The thrusts F_f (front) and F_b act along the normal at the bar's ends, L_a (m) from the yaw axis.
-With F = F_f + F_b, D = F_f − F_b (N)::
+The thrusts F_f (front) and F_b (back) act along the normal at the bar's ends. L_a (m) is the
+distance from the yaw axis to the bar. With F = F_f + F_b, D = F_f − F_b (N)::
 
     Q_r = L_a cos p F − T_g cos r + G_p sin r sin p + effects
     Q_p = L_h D − G_p cos r cos p + effects
@@ -50,8 +53,9 @@ effects (`heli3dof.model.effects`) on the three axes.
 
     J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
 
-(the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
-because the paper assumes equal motors). The simulated acceleration is
+These are the paper's eqs (10) and (11), with errata E3 and E4 corrected. The paper has
+T_g = 2 L_a K_f V_o, with each motor's thrust per volt K_f (N/V) and hover voltage V_o (V). It
+assumes equal motors, so G_p = 0. The simulated acceleration is
 
     q̈ = (1 − λ) q̈_rigid + λ q̈_hover
 
@@ -84,10 +88,11 @@ The value 0 keeps the equations of the rigid body. The value 1 has this meaning:
 - μ = 1, together with κ = 1, omits all products of rates.
 - η = 1, together with κ = 1, keeps the torque L_h sin r D.
 
-**Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
-motion. So no flight determines the thrust per volt K_f (N/V). The fits use the profile's K_f. If
-the true K_f is 1.1 times this value, the true T_g, J_r, J_p, J_ψ and torques of effects are 1.1
-times their estimates. The profile's masses, or the known weight of one part, determine this factor.
+**Not identifiable from flights.** If all torques and inertias are multiplied by the same factor,
+the motion does not change. So no flight determines the thrust per volt K_f. The fits use the
+profile's K_f. If the true K_f is 1.1 times this value, the true T_g, J_r, J_p, J_ψ and torques of
+effects are 1.1 times their estimates. The profile's masses, or the known weight of one part,
+determine this factor.
 """
 
 from __future__ import annotations

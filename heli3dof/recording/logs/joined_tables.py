@@ -176,9 +176,12 @@ def join_used(tables: Sequence[Table], expressions: Iterable[str]) -> Table:
 def _is_used(table: Table, text: str) -> bool:
     """Return True if `import` needs at least one column of ``table``, apart from its time vector.
 
-    `import` needs a column if docs/reference/recording.md lists the column's name, also in a form
-    such as ``Roll [deg]``. It also needs a column if ``text`` contains the column's name or full
-    path in the file. ``text``: the expressions that compute the recording's columns.
+    ``text``: the expressions from which `import` computes the recording's columns. `import` needs a
+    column in two cases:
+
+    - docs/reference/recording.md lists the column's name. A name with a unit in brackets counts,
+      too: ``Roll [deg]`` stands for the listed ``roll_deg``.
+    - ``text`` contains the column's name or its full path in the file.
     """
     names = table.columns.keys() - {"t_s", table.origins.get("t_s")}
     own = any(name in KNOWN or own_name(name) for name in names)

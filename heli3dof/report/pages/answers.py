@@ -107,7 +107,8 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
     """Return the questions and answers at the top of a comparison's report.
 
     The questions are how wrong the simulation is, which model predicts best, and what to do next.
-    The pictures show the first recording. If it was compared with no model, the list is empty.
+    The answers to the first two have pictures, which show the first recording. The function returns
+    an empty list if no model was compared with the first recording.
     """
     flight = comparison.flights[0]
     if not flight.models:

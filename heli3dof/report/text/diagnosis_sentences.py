@@ -408,11 +408,11 @@ def is_counted(finding: Document) -> bool:
 
 
 def is_allowed_for(finding: Document) -> bool:
-    """Return True for a fault of a recording that the simulation takes into account.
+    """Return True if the simulation of the recording includes the fault ``finding``.
 
-    The recording shows such a fault at every sample. So the simulation includes the fault, and the
-    fault causes no simulation error. Examples are lost samples, and jitter that exact time stamps
-    show (`heli3dof.integrity.Fault.allowed_for`).
+    Such a fault causes no simulation error. The simulation includes lost samples, because the
+    recording shows which samples are missing. It includes sampling jitter if the time stamps are
+    exact (`heli3dof.integrity.Fault.allowed_for`).
     """
     return is_counted(finding) or bool(finding.get("allowed_for"))
 
@@ -615,14 +615,15 @@ def model_deviations(document: Document) -> Iterator[str]:
 
 
 def far_inertias(document: Document) -> list[Document]:
-    """Return the estimated inertias that show a wrong length or mass in the profile.
+    """Return the estimated inertias that suggest a wrong length or mass in the profile.
 
-    The result contains their JSON objects from ``calibration``. Such an estimate differs from the
-    profile's inertia significantly, and by more than the factor `conclusion.wrong_lengths.FAR`.
+    The result is a list of entries of ``calibration``, a key of the diagnosis' JSON document. Each
+    of these inertias differs from the profile's value significantly, and by more than the factor
+    `conclusion.wrong_lengths.FAR`.
 
-    The recordings may not distinguish a wrong inertia from another cause, such as an encoder's
-    scale. Then the result contains this inertia only if the diagnosis has found corrected lengths
-    with which all estimated inertias agree with the profile.
+    The recordings may not distinguish a wrong inertia from another effect, such as a wrong encoder
+    scale. Such an inertia is in the list only if the diagnosis has found corrected lengths. With
+    these lengths, the profile's inertias agree with all estimates.
     """
     is_explained = "corrected_lengths_m" in document.get("about", {})
     confounded = {name_of(f) for f in document["findings"] if f["tied_with"]}

@@ -2,18 +2,20 @@
 
 A session is a process that uses a rig. An emergency stop of one rig or of all rigs has three steps:
 
-1. Store the time of the stop (`stop_stamp`). If a program was started earlier than this time, it
-   cannot arm the rig any more.
+1. Store the time of the stop (`stop_stamp`). A program that was started before this time cannot arm
+   the rig any more.
 2. Send a stop request to the socket of each session of these rigs. The session stops its rig and
    confirms this. If the session of a real rig does not answer within 200 ms, the rig's driver stops
    the device, although the session's process holds it.
 3. If a rig has no session, its driver stops the device.
 
-The program sends all requests before it reads any answer, so a session that hangs does not delay
-another session's stop. A stop of all rigs includes the rigs that a driver finds and the rigs that
-were opened earlier. For these rigs, step 3 runs in parallel. A stop of all rigs sends nothing to a
-port at which no rig is known (`heli3dof.rig.session.known_devices`), since another instrument may
-be there.
+In step 2, the program sends all requests before it reads any answer. So a session that hangs does
+not delay the stop of another session.
+
+A stop of all rigs includes the rigs that a driver finds and the rigs that were opened earlier. In
+step 3, the program stops them simultaneously, with one thread for each rig. The program sends
+nothing to a port at which no rig is known (`heli3dof.rig.session.known_devices`), because another
+instrument may be there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Locks a rig: its port before it is opened, and its device once its serial number is known.
+"""Locks a rig, so that only one process uses it.
+
+A process locks the rig's port before it opens the port. Then it reads the device's serial number,
+and locks the device.
 
     lock of the port      <runtime>/<name>.lock            <name>: made from the device's URL
     lock of the device    <runtime>/<number>-<hash>.rig    <number>: the device's serial number

@@ -48,18 +48,21 @@ def open_rig(
     >>> sample.v_applied
     (7.0, 7.0)
 
-    ``exchange`` clips the voltages to the profile's ``motor.v_max``, and ``heli3dof estop`` and the
-    device's watchdog stop the motors. No safety monitor runs: no limit of angle, rate or slew
-    applies, and the motors are not ramped down. `heli3dof.fly_plan` has these monitors, limits and
-    ramp.
+    No safety monitor runs. There are no limits of angles, rates or slew, and no ramp to zero at the
+    end. `heli3dof.fly_plan` has all of these. Only three things protect the rig:
+
+    - ``exchange`` clips the voltages to ±``motor.v_max`` of the profile.
+    - The user can stop the motors with ``heli3dof estop``.
+    - The device's watchdog stops the motors if no command arrives.
 
     ``device``: the rig's URL. ``doing``: what the session does, for messages; default: the command
-    line. ``also`` returns entries to add to the state that other processes read. ``began_ns``: the
-    time at which the user started this program, in ns on the monotonic clock. In an interactive
-    interpreter, it is the time of this call. The default is the result of
-    `heli3dof.rig.session.stop_stamp.command_began_ns`. If an emergency stop came after this time,
-    the rig cannot be armed. The opened rig's counts are zero at its rest angles. Its ``rest.note``
-    states what the user should know about this zero.
+    line. ``also`` returns entries to add to the state that other processes read. ``began_ns``: a
+    time in ns on the monotonic clock. If an emergency stop came after this time, the rig cannot be
+    armed. The default, usually the start of this program, is the result of
+    `heli3dof.rig.session.stop_stamp.command_began_ns`.
+
+    The opened rig's counts are zero at its rest angles. Its ``rest.note`` states what the user
+    should know about this zero.
 
     Raises DeviceError if the rig is missing, not permitted, in use by another session, or without a
     serial number.

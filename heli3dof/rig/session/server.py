@@ -53,12 +53,12 @@ _number = itertools.count()
 class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
-    ``private``: True if the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: the time at which the user started this program, in ns on the monotonic
-    clock. In an interactive interpreter, it is the time at which the user called the present
-    function. The default is the result of `heli3dof.rig.session.stop_stamp.command_began_ns`. If an
-    emergency stop came after this time, the rig cannot be armed. Raises DeviceError, naming the
-    other session, if another session holds the rig.
+    ``device``: the rig's URL. ``private``: True if the rig is emulated in this process. ``doing``:
+    what the session does, for messages. ``began_ns``: a time in ns on the monotonic clock. If an
+    emergency stop came after this time, the rig cannot be armed. The default, usually the start of
+    this program, is the result of `heli3dof.rig.session.stop_stamp.command_began_ns`.
+
+    Raises DeviceError if another session holds the rig. The error names the other session.
     """
 
     def __init__(
@@ -127,9 +127,7 @@ class Session:
         Two kinds of emergency stop forbid arming:
 
         - A client requested the stop from this session.
-        - The stop was stored after the user had started this program (`session.stop_stamp`). In an
-          interactive interpreter, the start of the present function call counts instead. In a
-          server, the start of the present request counts.
+        - The stop was stored after the time ``began_ns`` of the session (`Session`).
 
         A stop may also come during an attempt to arm. So call this method before and after each
         attempt, and stop the rig if the result is not None.

@@ -91,9 +91,8 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
     """Return the reason of an emergency stop since ``began_ns``; None if the rig may be armed.
 
-    ``began_ns``: the time at which the user started this program, in ns on the host's monotonic
-    clock (the result of `command_began_ns`). In an interactive interpreter, it is the time at which
-    the user called the present function. ``names``: the rig's names from `names_of`.
+    ``began_ns``: a time in ns on the host's monotonic clock, usually the start of this program
+    (`command_began_ns`). ``names``: the rig's names from `names_of`.
     """
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):

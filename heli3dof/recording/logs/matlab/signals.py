@@ -1,29 +1,29 @@
 """Find the signals and their clocks (time vectors) among a MAT file's variables.
 
-====================================  ==========================================================
-variable                              signals
-====================================  ==========================================================
-matrix whose first row (or column)    its other rows (or columns), called ``x[1]``, ``x[2]``, …;
-is time (block "To File")             the first row (or column) is their clock
-matrix without time                   all its rows (or columns), called ``x[1]``, ``x[2]``, …
-structure with ``time`` and           the rows (or columns) of ``signals.values``, with the names
-``signals.values``                    ``signals.label`` or ``x[1]``, ``x[2]``, … (`_named_signals`);
-                                      their clock is ``time``
-structure with ``signals.values``     the rows (or columns) of ``signals.values``, with the same
-but without time                      names; their clock is another variable, a time vector
-structure with ``Time`` and ``Data``  the rows (or columns) of ``Data``, called ``x[1]``, ``x[2]``,
-                                      …; their clock is ``Time``
-structure with the fields ``Name``    the signals of ``F``, named after the text in ``Name``
-and ``F``, if ``F`` is the only
-field that is a structure with time
-vector                                one signal with the name of the vector; its clock is another
-                                      vector, called ``t_s``, ``time`` or similar (`clock_of`)
-other structure                       the signals of its fields
-array of structures                   the signals of its elements ``x[1]``, ``x[2]``, …
-====================================  ==========================================================
+===================================  =========================  ====================================
+variable                             signals                    clock
+===================================  =========================  ====================================
+matrix whose first row is time       the other rows             the first row
+matrix without time                  the rows                   another variable
+vector                               the vector                 another variable
+structure with ``time`` and          the rows of                ``time``
+``signals.values``                   ``signals.values``
+structure with ``signals.values``,   the rows of                another variable
+without ``time``                     ``signals.values``
+structure with ``Time``, ``Data``    the rows of ``Data``       ``Time``
+other structure                      those of its fields        those of its fields
+array of structures                  those of its elements      those of its elements
+===================================  =========================  ====================================
 
-``x`` is the variable's name. The single signal of a matrix is called ``x`` without a number. The
-block "To File" calls every matrix ``ans``; such a matrix's signals have the file's name.
+- A matrix may also have its signals in columns instead of rows.
+- "Another variable" is a vector called ``t_s``, ``time`` or similar (`clock_of`).
+- The signals of a variable ``x`` are called ``x[1]``, ``x[2]``, …, or ``x`` if there is only one.
+  The labels in ``signals.label`` may replace these names (`_named_signals`).
+- The elements of an array ``x`` of structures are called ``x[1]``, ``x[2]``, ….
+- A structure may have a text field ``Name`` and exactly one field that is a structure with time.
+  Then this text replaces the latter field's name.
+- The Simulink block "To File" writes a matrix whose first row is time, and calls it ``ans``. The
+  file's name replaces ``ans``.
 """
 
 from __future__ import annotations
@@ -105,11 +105,12 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
 
 
 def _visit(name: str, path: str, value: Any, found: _Found) -> None:
-    """Add the signals of the variable ``name``, and of the fields of a structure, to ``found``.
+    """Add the signals of a variable of the file, or of a structure's field, to ``found``.
 
-    ``path`` is the variable's full path in the file, such as ``flight.angle.roll``. There are three
-    possible names for a field's signal: the field's name, ``structure.field``, and the full path.
-    The function chooses the first of these that no other signal has.
+    ``value``: content of the variable or field; ``path``: its full path in the file, such as
+    ``flight.angle.roll``; ``name``: the name of its signals. If ``value`` is a structure without
+    own signals, the function calls itself for each field. The ``name`` of a field is the first of
+    these names that is not used yet: the field's name, ``structure.field``, the full path.
     """
     if isinstance(value, Opaque):
         found.ignored.append(
@@ -185,11 +186,14 @@ def _fields(value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _named_signals(name: str, signals: Any, n: int) -> dict[str, np.ndarray]:
-    """Return {name: column of ``n`` samples} of the field ``signals`` of the structure ``name``.
+    """Return the signals of a structure's field ``signals`` as a dict: name → column (n,).
 
-    ``signals`` is a structure or a list of structures. Each has ``values`` and perhaps a ``label``.
-    If the list has several structures, and all have different labels, the labels name the columns.
-    Otherwise the columns are called ``name[1]``, ``name[2]``, …, or ``name`` if there is only one.
+    ``name``: the structure's name. ``signals`` is a structure or a list of structures. Each has
+    ``values``, which contain one or more columns, and may have a ``label``.
+
+    If the list has several structures with different labels, their columns are named after the
+    labels. Otherwise all columns are named after the structure. A name gets the numbers [1], [2], …
+    if it has several columns.
     """
     listed = [signals] if isinstance(signals, Mapping) else list(signals)
     blocks = [_as_rows(np.asarray(s["values"], dtype=float), n) for s in listed]
@@ -229,11 +233,13 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
 
 
 def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
-    """Yield one dict per array length, with the columns in ``found`` that have no time vector.
+    """Yield one dict per array length: the columns of the arrays in ``found`` without time vector.
 
-    ``clocks``: lengths of the file's time vectors. If the file has a time vector, the function
-    ignores arrays of other lengths. It also ignores arrays of fewer than `MIN_SAMPLES` samples. It
-    keeps every array whose name docs/reference/recording.md lists.
+    ``clocks``: lengths of the file's time vectors. The function keeps every array whose name
+    docs/reference/recording.md lists. It ignores any other array in two cases:
+
+    - The array has fewer than `MIN_SAMPLES` samples.
+    - The file has time vectors, and none of them has the array's length.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
     for name, array in found.arrays.items():
