@@ -19,10 +19,17 @@ X is a finding if |x| significantly exceeds |e|:
 - f: 1 for a fit to free-run predictions, or to edge rates (how often encoder counts change,
   `closed_loop_fit.edge_rates`); else `STD_INFLATION`, because on a limit cycle or with an
   unmodelled torque the error of x may reach f σ
+
+σ_k is large, but it does not affect the ratio of two parameters X_i and X_j. If this ratio differs
+from nominal by more than two parameters within the tolerance can explain, one of them is off
+nominal, whatever K_f is. So those of the two with |x| > |e| are findings too, if
+
+    x_i − x_j > ln((1 + ε)/(1 − ε)) + q f √(σ_i² + σ_j²)
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,12 +130,29 @@ def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
     The largest `OffNominal.score` comes first.
     """
     tolerance, f = fit.structure.profile.tolerance, std_inflation(fit)
+    numbers = base_parameters(fit)
+    unlike = [c for c in unlike_pair(numbers, tolerance, f) if c.excess(tolerance) > 0]
     out = [
         _off(c, tolerance, f)
-        for c in base_parameters(fit)
-        if c.excess(tolerance) > np.hypot(SCALE_QUANTILE * c.scale, quantile() * f * c.noise_std)
+        for c in numbers
+        if c in unlike
+        or c.excess(tolerance) > np.hypot(SCALE_QUANTILE * c.scale, quantile() * f * c.noise_std)
     ]
     return tuple(sorted(out, key=lambda o: -o.score))
+
+
+def unlike_pair(
+    numbers: Sequence[BaseParameter], tolerance: float, f: float
+) -> tuple[BaseParameter, ...]:
+    """Return the two parameters with the largest and the smallest x, if K_f cannot explain both.
+
+    x = ln(X/X_nominal). The result is empty if a value of K_f may put both parameters within the
+    tolerance. The last equation of the module gives the condition. ``f``: its factor f.
+    """
+    low, high = (pick(numbers, key=lambda c: c.x) for pick in (min, max))
+    most = float(np.log1p(tolerance) - np.log1p(-tolerance))
+    noise = quantile() * f * np.hypot(low.noise_std, high.noise_std)
+    return (low, high) if high.x - low.x > most + noise else ()
 
 
 def std_inflation(fit: PhysicalFit) -> float:

@@ -88,3 +88,18 @@ def test_without_edge_rates_the_standard_deviation_counts_three_times() -> None:
 
 def test_a_torque_of_the_wrong_sign_is_always_a_finding() -> None:
     assert names(off_nominal(rig((-0.5, 1, 1, 1)))) == ["mass.imbalance"]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "found"),
+    [
+        # ln(1.19/0.82) = 0.372 > ln(1.15/0.85) + 3.24 · 3 · 0.003 √2 = 0.344
+        ((1, 1, 0.82, 1.19), ["inertia.pitch", "inertia.yaw"]),
+        ((1, 1, 0.83, 1.13), []),  # 0.309: a thrust gain 2 % too small explains both
+        ((1, 1, 0.74, 1.08), ["inertia.pitch"]),  # the yaw inertia is within the tolerance
+    ],
+)
+def test_a_ratio_beyond_two_tolerances_is_a_finding_whatever_the_thrust_gain(
+    ratio: tuple[float, ...], found: list[str]
+) -> None:
+    assert sorted(names(off_nominal(rig(ratio)))) == found
