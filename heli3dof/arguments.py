@@ -146,9 +146,12 @@ def _model(name: str, value: Any, given: Given) -> Any:
 
 
 def _models(name: str, value: Any, given: Given) -> Any:
-    """Return a function: recording → models; a ``value`` that is a function is returned unchanged.
+    """Convert the argument ``models`` into a function that returns the models for a recording.
 
-    The function makes a built-in model for the recording's profile.
+    ``value`` is the argument. If it is a function, it is returned unchanged. Otherwise, it is one
+    model or several; each is a model object, or the name or path of a model. The returned function
+    loads the named models for the profile of its recording. ``name``: the parameter's name, for
+    error messages. ``given`` is not used.
     """
     if callable(value):
         return value

@@ -4,11 +4,15 @@ A POLL is the host's request for one sample (docs/reference/protocol.md). If sev
 arrived together, `Sampling` returns the newest and discards the others as stale. Samples that
 arrived before the host began to wait for a sample are stale, too.
 
-If no reply to a POLL arrives, `Sampling` sends the POLL again: for an armed rig after about four
-times the last round-trip time, for an unarmed rig after `LONGEST_RETRY_S`. If the first reply was
-only late, both POLLs get a reply, and the second reply may arrive in the next period. `Sampling`
-discards this second reply if the device had not yet applied the next period's command when it took
-the sample. `_extra_replies` is the number of such second replies that may still arrive.
+If no reply to a POLL arrives in time, `Sampling` sends the POLL again. The waiting time is about
+four times the last round-trip time if the rig is armed, and `LONGEST_RETRY_S` if it is not.
+
+The first reply may only have been late. The device then replies to both POLLs, and the second reply
+is superfluous. It may still arrive after the host has sent its next command and next POLL.
+`Sampling` must not use it as the reply to the next POLL, because its sample is too old. Each sample
+contains the number of the last command that the device has applied. If this is not the number of
+the host's last command, `Sampling` discards the sample. It does so only while the rig is armed and
+superfluous replies may still arrive. `_extra_replies` is the number of these replies.
 """
 
 from __future__ import annotations

@@ -121,7 +121,8 @@ class OffNominal:
     flight_score: float = 0.0
     """(x/σ)²: the score if K_f were known; 0 for K_f"""
     tied_with: tuple[str, ...] = ()
-    """Causes confounded with it (`conclusion.confounded_parameters`)"""
+    """Causes confounded with it (`conclusion.confounded_parameters` and
+    `conclusion.confounded_encoder_scales`)"""
 
 
 def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:

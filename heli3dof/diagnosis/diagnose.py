@@ -28,8 +28,8 @@ from heli3dof.diagnosis.conclusion.compensating_causes import (
     marked_unconfirmed,
     search_residual_torques,
 )
+from heli3dof.diagnosis.conclusion.confounded_encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.confounded_parameters import (
-    ROLL_OFFSET,
     last_step_with_causes,
     with_confounded_causes,
 )

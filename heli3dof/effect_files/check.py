@@ -1,7 +1,8 @@
 """Check an effect that a user wrote: units, equations, and the names that it refers to.
 
-`heli3dof.model.effects.equation_check` runs the equations, here and when a plug-in is loaded. Only
-here, a torque with parameters of typical size must differ from zero in at least one state.
+`heli3dof.model.effects.equation_check` runs the equations. It does so in this check, and again each
+time that heli3dof loads a plug-in. This check has one more condition: with parameters of typical
+size, a torque must differ from zero in at least one state.
 """
 
 from __future__ import annotations

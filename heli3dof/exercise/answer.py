@@ -265,11 +265,14 @@ def _statement(text: str, confidence: float | None) -> Claim:
 
 
 def _claimed_sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
-    """Return {first parameter of the effect ``name``: its claimed size}; {} without a ``value``.
+    """Return the claimed size of an effect: {name of the effect's first parameter: size}.
 
-    ``value``: the claimed value as text. ``half``: half the width of its 95 % interval as text.
+    ``name``: the effect. ``value``: the claimed value of its first parameter, as text. If it is
+    None, the result is {}. ``half``: half the width of the value's 95 % interval, as text.
+
     Raises UsageError if the name is unknown. Raises UsageError if there is a value, but the claim
-    has no parameter (`NONE`, `UNMODELLED`). Raises ValueError if a text is not a number.
+    is no effect with a parameter (`NONE`, `UNMODELLED`). Raises ValueError if a text is not a
+    number.
     """
     if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
         if value is not None:

@@ -138,7 +138,7 @@ RULES = (
     ),
     Rule(
         "encoder scales confounded with causes",
-        DIAGNOSIS + "conclusion.confounded_parameters:with_scale_ties",
+        DIAGNOSIS + "conclusion.confounded_encoder_scales:with_scale_ties",
         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
     ),
     Rule(

@@ -12,10 +12,11 @@ replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`
 
-- ℓ_s: log-likelihood of the model with the causes, which have n_s parameters
-- ℓ_φ: log-likelihood of the model with the formula in place of the causes
+- ℓ_s: log-likelihood of the model with all causes
+- ℓ_φ: log-likelihood of the model with the formula in place of some causes
+- n_s: number of parameters of the causes that the formula replaces
 - κ: variance inflation of the fit's scores (`Estimate.inflation`), at least 1
-- (n_s − 1) ln N: BIC penalty for the causes' additional parameters (the formula has one); N is the
+- (n_s − 1) ln N: BIC penalty for n_s parameters instead of the formula's single one; N is the
   number of filter updates
 - 2 ln K: penalty for the choice of one formula among K, each with the prior probability 1/K
 

@@ -11,7 +11,10 @@ from dataclasses import replace
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import OffNominal
-from heli3dof.diagnosis.conclusion.confounded_parameters import undetectable_scales, with_scale_ties
+from heli3dof.diagnosis.conclusion.confounded_encoder_scales import (
+    undetectable_scales,
+    with_scale_ties,
+)
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,

@@ -369,10 +369,10 @@ def _forecasts(
 ) -> list[PlanForecast]:  # fmt: skip
     """Return, for each feasible plan, how well it is expected to separate the causes.
 
-    ``without``: the base model, without the causes. ``with_cause``: one model for each cause.
-    ``decisive``: a flight identifies the true cause if its score exceeds the best other score by at
-    least ``decisive``. The score of a cause is its gain in BIC. A plan is feasible if its simulated
-    flights stay inside the safety envelope on each model.
+    A plan is feasible if its simulated flights stay inside the safety envelope on each model. The
+    score of a cause is its gain in BIC. A flight identifies the true cause if the score of this
+    cause exceeds the best other score by at least ``decisive``. ``without``: the base model,
+    without the causes. ``with_cause``: one model for each cause.
     """
     models = [without.model, *(h.model for h in with_cause)]
     numbers = [(0, 0), *((i + 1, b) for i in range(len(with_cause)) for b in range(FLIGHTS))]

@@ -391,15 +391,19 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (V′, P): the information V′ and the projector P of scores without a constant torque.
+    """Return (V′, P), with which a score test ignores a constant torque.
 
-    V (KNOTS, KNOTS) is the information matrix of the coefficients of hat functions. The sum of the
-    hat functions is a constant torque, so with the vector 1 of ones,
+    The test has a torque with `KNOTS` coefficients. u are their scores, the derivatives of ln L,
+    and V is their information matrix. If all coefficients are equal, the torque is constant. The
+    projected scores P u do not depend on a constant torque, and V′ is their information matrix.
+    With the vector 1 of ones,
 
         V′ = V − V 1 1ᵀ V/(1ᵀ V 1),        P = I − V 1 1ᵀ/(1ᵀ V 1)
 
-    If V contains no information on a constant torque, the result is V and the identity I. ``full``:
-    V before the fit's parameters were projected out.
+    If the fit has a parameter for a constant torque, V contains no information on it, and
+    1ᵀ V 1 ≈ 0. The result is then V and the identity I. 1ᵀ V 1 counts as zero if it is tiny
+    compared with the trace of ``full``. ``full`` is the information matrix before the fit's
+    parameters were projected out.
     """
     one = np.ones(KNOTS)
     along = V @ one

@@ -26,16 +26,19 @@ before it uses a sample, its input buffer was full. A full buffer also loses sam
 has caused these losses, and the lost periods before this sample count as missed.
 
 If a link does not count all three kinds, the device's time in each sample shows how many periods
-were skipped before the sample (`Instants`). A period counts as lost or missed by one of two rules:
+were skipped before the sample (`Instants`). No period then counts as device-skipped. Each skipped
+period counts as lost or missed, by one of two rules:
 
 * If the link counts lost samples, its count is the number of lost periods. The other skipped
   periods are missed.
 * Otherwise let t be the time at which the host began to wait for the sample. A skipped period is
   lost if its deadline is later than t, and missed if it is earlier.
 
-The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
-counts from the first deadline that the host did not meet. With the host and the device timebase, a
-host that stalls for 5.5 periods is late by 5.5 periods and has missed 5.
+The plan's index k advances by skipped periods, too, so the references follow real time.
+
+Lateness is the time from the first deadline that the host did not meet to the next sample. Example
+for the host and the device timebase: the host stalls from due[k] until 5.5 dt later. It has missed
+the five periods k to k + 4. The next sample is sample k + 5, and its lateness is 5.5 dt.
 """
 
 from __future__ import annotations

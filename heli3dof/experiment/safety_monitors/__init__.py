@@ -37,11 +37,13 @@ class SafetyMonitor(ABC):
         return None
 
     def awaits_fall(self) -> bool:
-        """Return True if roll still reads a constant angle above the table at zero volts.
+        """Return True if the loop must wait at zero volts until the arm falls; default: False.
 
-        Without thrust the arm falls, and a working roll encoder shows this. So the encoder may be
-        frozen. The loop calls the method after the final ramp to zero volts of a completed plan. It
-        keeps zero volts while a monitor returns True, but at most `ramp_down.FALL_S` seconds.
+        The loop calls this method when it has ramped the voltages to zero after a completed plan.
+        Without thrust, the arm falls onto the table. If the roll encoder reads a constant angle
+        above the table, the arm has not begun to fall, or the encoder is frozen. A monitor returns
+        True in this case. The loop then waits, for at most `ramp_down.FALL_S` seconds. In this
+        time, the safety monitors can still report a frozen encoder. Then the flight ends.
         """
         return False
 

@@ -15,8 +15,9 @@ of 10 to 20 %. κ averages the entries, which reduces the error to 2 to 5 %. κ 
 B ignores the correlation between blocks. Slow drifts cause such a correlation, so B may be too
 small.
 
-The Cramér–Rao bound is computed for encoders without quantisation: their readings have white noise
-of variance Δ²/12 (Δ: encoder step). The process noise is the estimated one, multiplied by √κ.
+The Cramér–Rao bound is computed for another noise model. In this model, readings are not rounded to
+the encoder step Δ, but contain white noise of variance Δ²/12. The process noise has κ times the
+estimated spectral density.
 """
 
 from __future__ import annotations

@@ -90,10 +90,14 @@ def edge(x: float, tolerance: float) -> float:
 
 
 def thrust_scale(fit: PhysicalFit | GreyBoxModel) -> ThrustScale:
-    """Return the ratio of the rig's thrust gain to the thrust gain in the profile.
+    """Estimate the ratio k of the rig's thrust gain to the thrust gain in the profile.
 
-    The ratio is estimated from the gravity torque and the three inertias of ``fit``. If the
-    standard deviation of one of these parameters is unknown, it is taken as 0.
+    A fit assumes the profile's thrust gain. It then estimates 1/k times the true gravity torque and
+    1/k times the true inertias. So if these four parameters of ``fit`` deviate from nominal by
+    one factor, the thrust gain is probably wrong (`of_ratios`).
+
+    Some models do not contain standard deviations of these parameters. They are then set to 0: only
+    the uncertainty of the nominal values, half the profile's tolerance, is taken into account.
     """
     nominal = np.array([f.start for f in fit.structure.free[:4]])
     x = fit.values[:4] / nominal

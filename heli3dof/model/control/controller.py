@@ -290,14 +290,16 @@ def after_law(
 ) -> None:
     """Replace the feedback of the axes in open loop by constant voltages; add the excitation.
 
-    `control_law` has computed the motor voltages as a sum of contributions, one from each axis. If
-    the loop of an axis is open, this function replaces the axis's contribution by its earlier mean.
-    If the axis has the mode LEARN (closed loop), the function includes the contribution in this
-    mean. The replacement is an extra voltage: mean minus contribution, summed over the open axes.
-    Once all loops are closed, this voltage decays with the time constant `FADE_S`.
+    `control_law` has computed the motor voltages as a sum of contributions, one from each axis:
 
-    The function writes the sum of this voltage and the excitation to ``extra`` (2) V, and adds it
-    to the voltages in ``out``. ``out`` (4) V contains the commanded voltages (front, back), then
+    - If the axis has the mode LEARN, its loop is closed. The function averages its contribution.
+    - If the loop of the axis is open, the function replaces the contribution by this mean. For
+      this, it computes a correction voltage: mean minus contribution, summed over the open axes.
+
+    Once all loops are closed, the correction voltage decays with the time constant `FADE_S`.
+
+    The function writes the sum of correction voltage and excitation to ``extra`` (2) V, and adds
+    it to the voltages in ``out``. ``out`` (4) V contains the commanded voltages (front, back), then
     the same limited to ±v_max. ``p``, ``s``: parameters and state of `control_law`. ``mode`` (3),
     ``z``: see `before_law`.
     """

@@ -3,40 +3,42 @@
 A reading of an encoder with step Δ states that the angle is in one interval between two edges. An
 unchanged reading adds almost no information. Treating every sample as white noise of variance
 Δ²/12, or truncating the distribution at every sample, makes a fit find effects that do not exist.
-So the filter keeps a Gaussian N(m, S) of the angle, and the probability Z that the angle is in the
-interval. Z = Φ(β) − Φ(α), α = (lower edge − m)/√S, β = (upper edge − m)/√S. φ is the normal density
-and Φ its distribution function. The old Z is Z directly after the angle's last update. The next
-update depends on the reading:
+So the filter models the angle as a Gaussian N(m, S), and computes the probability Z that the angle
+is in the interval. Z = Φ(β) − Φ(α), α = (lower edge − m)/√S, β = (upper edge − m)/√S. φ is the
+normal density and Φ its distribution function. The old Z is Z directly after the angle's last
+update. Each reading belongs to the first of these cases that applies:
 
-* The reading passes the edge e between two samples. At the crossing the angle was e. Until the
-  sample, it moved by at most q̇ h, with the rate q̇ and the sample interval h. q̇⁺ is the rate in the
-  direction of the reading's change; it is 0 if q̇ has the opposite direction. The likelihood of the
-  crossing is the flux N(e; m, S) E[q̇⁺] h, divided by the old Z. The filter makes two updates: the
-  factor N(e; m, S) updates the angle, and the factor E[q̇⁺] updates the rate. The second is needed,
-  because a high rate makes a crossing more probable.
-* The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) times the
-  old Z. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z minus
-  the old ln Z is added to the log-likelihood.
-* The reading changes by several steps, or the angle moves by half a step or more per period. Then
-  the Gaussian gets the mean and variance of its part inside the new interval, and ln Z is added.
+1. The reading does not change. The filter makes no update until Z has fallen below
+   exp(`LOG_UPDATE_RATIO`) times the old Z. Then the Gaussian gets the mean and variance of its part
+   inside the interval. ln Z minus the old ln Z is added to the log-likelihood.
+2. The reading changes by several steps, or the angle moves by half a step or more per sample
+   interval, according to the filter's rate. Then the Gaussian gets the mean and variance of its
+   part inside the new interval, and ln Z is added.
+3. The reading changes by one step, so the angle has passed the edge e since the last sample. After
+   the crossing, it moved by at most q̇ h, with the rate q̇ and the sample interval h. q̇⁺ is the rate
+   in the direction of the reading's change; it is 0 if q̇ has the opposite direction. The likelihood
+   of the crossing is the flux N(e; m, S) E[q̇⁺] h, divided by the old Z. The filter makes two
+   updates: the factor N(e; m, S) updates the angle, and the factor E[q̇⁺] updates the rate. The
+   second is needed, because a high rate makes a crossing more probable.
 
 If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
 of hosts without real-time scheduling need this.
 
-The filter's state x contains angles and rates; P is its covariance. Every such update (event) acts
-on one component c of x. L is the event's likelihood as a function of c. With the score
-g = ∂ ln L/∂c and the information w = −∂² ln L/∂c², the filter computes
+The filter's state is Gaussian. Its mean x contains the angles and rates, and P is its covariance. m
+is an element of x, and S is the diagonal element of P for the same angle. Each update uses one
+element of x, number c. L is the likelihood of the measurement as a function of x_c. With the score
+g = ∂ ln L/∂x_c and the information w = −∂² ln L/∂x_c², the filter computes
 
     x ← x + P_c g,      P ← P − P_c P_cᵀ w,      where P_c is column c of P.
 
-g and w depend on the kind of event:
+g and w depend on the kind of update:
 
 * interval, L = Z: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S)
 * angle at the edge e, L = N(e; m, S): g = (e − m)/S, w = 1/S
 * rate with the distribution N(v, σ²), L = E[q̇⁺]: g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f), u = v/σ,
   f = φ(u) + uΦ(u)
-* reading y that is not quantised (Δ = 0), L = N(y; m, S): g = (y − m)/S, w = 1/S; every sample is
-  such an event
+* reading y that is not quantised (Δ = 0), L = N(y; m, S): g = (y − m)/S, w = 1/S. Such an encoder
+  causes this update at every sample
 """
 
 from __future__ import annotations

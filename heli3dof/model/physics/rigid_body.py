@@ -124,9 +124,12 @@ call = caller()
 
 @inlined
 def simplified(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Blend the rigid body's accelerations ``a`` with those of the simplified equations, in place.
+    """Replace the accelerations ``a`` (3,) of the rigid body by simplified ones, fully or partly.
 
-    Equations: see the head of this file. Arguments: see `body_accelerations`.
+    Elements of ``s`` determine the part, for example ``s[UNCOUPLED]``. Each is the parameter of an
+    effect `simplified.*`. 0 keeps the rigid body's acceleration, 1 replaces it, and values between
+    interpolate. The head of this file contains the equations ("Simplified equations"). The
+    arguments are those of `body_accelerations`.
     """
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
