@@ -37,11 +37,17 @@ def conclude(
     - the prediction errors that the causes do not explain (`remainders`)
     - the verdict (`verdict_of`)
 
+    If the extended model predicts much worse than a simulation with the profile's parameter values
+    (`Fitted.predicts_worse`), its fit shows nothing about the rig. The result then has no causes,
+    no base parameters off nominal and no residual torques.
+
     ``axes``: the measured axes. ``detectable_offset_deg``: smallest offset of the roll encoder that
     the recordings can show.
     """
     fitted = d.fitted
     assert fitted is not None
+    if fitted.predicts_worse:
+        d = replace(d, findings=(), calibration_findings=(), residual_torques=(), slow_noise=())
     profile = fitted.model.profile
     rest_rad, tolerance = float(profile.encoder.rest_rad[0]), profile.tolerance
     findings, off = with_scale_ties(

@@ -12,7 +12,12 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.conclusion.verdict import remainders, verdict_of, without_causes
+from heli3dof.diagnosis.conclusion.verdict import (
+    conclude,
+    remainders,
+    verdict_of,
+    without_causes,
+)
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import (
     Diagnosis,
@@ -142,6 +147,27 @@ def test_a_model_with_half_as_much_error_again_predicts_worse(
     """Mean squares, summed over the axes: 8.5 before; 69.7, 10.3 and 13.9 deg² after."""
     e = errors((1.6, 2.4, 0.4), after, UNKNOWN)
     assert Fitted.predicts_worse.fget(e) == worse
+
+
+@pytest.mark.parametrize(("worse", "verdict"), [(True, "nothing_found"), (False, "unexplained")])
+def test_a_fit_that_predicts_worse_than_the_profile_shows_nothing(
+    worse: bool, verdict: str
+) -> None:
+    numbers = [
+        BaseParameter(1.0, 1.0, 0.1, name, "", 0.1)
+        for name in ("T_g", "J_roll", "J_pitch", "J_yaw")
+    ]
+    fitted: Any = SimpleNamespace(
+        model=SimpleNamespace(profile=default_profile()),
+        calibration=numbers, refit=None, predicts_worse=worse,
+    )  # fmt: skip
+    torque: Any = SimpleNamespace(axis="roll")
+    d = conclude(
+        Diagnosis(("a",), (), "", (), fitted, (finding(),), (off(),), residual_torques=(torque,)),
+        AXES,
+    )
+    assert d.verdict == verdict
+    assert bool(d.findings or d.calibration_findings or d.residual_torques) != worse
 
 
 def test_a_cause_that_is_not_confirmed_explains_nothing_for_certain() -> None:
