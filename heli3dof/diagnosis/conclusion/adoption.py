@@ -115,7 +115,7 @@ class AdoptionResult:
 
     @property
     def modelled_torques(self) -> tuple[ResidualTorque, ...]:
-        """Return the residual torques for which the fit has a term."""
+        """Return those `residual_torques` that the fit already contains as an additional term."""
         return tuple(t for t in self.residual_torques if t.term is not None)
 
     def with_causes_of(self, other: AdoptionResult) -> AdoptionResult:
