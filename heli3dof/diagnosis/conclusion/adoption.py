@@ -231,8 +231,8 @@ def is_coloured_noise(
     if effect.of_base:
         return False
     if effect.scan == "instant":
-        axis = choice.term.axis
-        return step_margin(reduced, 0 if axis is None else AXES.index(axis), seed=seed) < 1
+        axis = max(choice.term.axis_index, 0)  # an added mass has no axis of its own: roll
+        return step_margin(reduced, axis, seed=seed) < 1
     rho = float(fit.coloured_noise_factor[first_parameters(fit.free)[choice.term.name]])
     return rho > 1 and choice.candidates[0].statistic / rho < choice.threshold
 

@@ -12,7 +12,7 @@ with the correlation time T and the variance σ². σ² c(t) is the autocovarian
 seconds. r is the variance of the white noise, divided by the variance σ² c(0) of these means:
 
     c(0) = 2 (a − 1 + exp(−a))/a²,                             a = w/T
-    c(t) = 2 (cosh a − 1)/a² · exp(−|t|/T)  for |t| ≥ w
+    c(t) = ((1 − exp(−a))/a)² · exp(−(|t| − w)/T)  for |t| ≥ w
 
 Different recordings are independent. With ln L, the logarithm of the likelihood, the test statistic
 is the likelihood ratio
@@ -74,7 +74,7 @@ def step_margin(fit: Estimate, axis: int, *, seed: int) -> float:
         source[start:stop] = r.source
     rows = np.isfinite(tau)
     series = interval_means(source[rows], d.t[rows], tau[rows])
-    if len(series.mean) < 2 * MIN_INTERVALS:
+    if len(np.unique(series.t)) < 2 * MIN_INTERVALS:
         return 0.0
     ratio, threshold = step_test(series, np.random.default_rng(seed))
     return ratio / threshold
@@ -125,9 +125,8 @@ class _StepTest:
         apart = series.source[:, None] != series.source
         a = (w / CORRELATION_TIMES_S)[:, None, None]
         own = 2 * (a - 1 + np.exp(-a)) / a**2
-        others = (
-            2 * (np.cosh(a) - 1) / a**2 * np.exp(-distance / CORRELATION_TIMES_S[:, None, None])
-        )
+        between = np.maximum(distance - w, 0.0)
+        others = (np.expm1(-a) / a) ** 2 * np.exp(-between / CORRELATION_TIMES_S[:, None, None])
         c = np.where(distance < 0.5 * w, own, others)
         c[:, apart] = 0.0
         C = c[:, None] + WHITE_SHARES[:, None, None] * own[:, None] * np.eye(K)
@@ -137,7 +136,7 @@ class _StepTest:
         self.log_det = 2 * np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1)
         constant = self.whiten.sum(axis=2)
         self.constant = constant / np.linalg.norm(constant, axis=1, keepdims=True)
-        starts = np.unique(t)[MIN_INTERVALS : 1 - MIN_INTERVALS or None] - 0.5 * w
+        starts = np.unique(t)[MIN_INTERVALS : 1 - MIN_INTERVALS] - 0.5 * w
         steps = self._without_mean(self.whiten @ (t[:, None] > starts).astype(float))
         self.steps = steps / np.linalg.norm(steps, axis=1, keepdims=True)
 

@@ -85,6 +85,14 @@ def test_intervals_have_half_a_second_and_their_number_is_limited() -> None:
     assert len(long.mean) <= MOST_INTERVALS + 1
 
 
+@pytest.mark.filterwarnings("error")
+def test_many_hours_of_recordings_can_be_tested() -> None:
+    rng = np.random.default_rng(5)
+    t, noise = np.arange(0.5, 40.5) * 200.0, rng.standard_normal(40)
+    ratio, threshold = step_test(Series(np.zeros(40, dtype=np.int64), t, noise, 200.0), rng)
+    assert 0 <= ratio < threshold
+
+
 def test_an_interval_with_few_samples_is_omitted() -> None:
     t = np.arange(0.0, 10.0, 0.01)
     t = t[(t < 4.0) | (t > 5.4)]
