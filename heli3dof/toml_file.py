@@ -45,7 +45,7 @@ MISTAKEN_UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
 
 @dataclass(frozen=True)
 class Key:
-    """The description of a TOML key: meaning, unit, how to measure it, ranges of its magnitude."""
+    """The description of a TOML key: its meaning, its unit, how to measure it, and limits."""
 
     meaning: str
     unit: str = "–"

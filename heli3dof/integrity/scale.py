@@ -19,8 +19,9 @@ the profile's.
 σ = `SCATTER` allows for lag, friction and inertia; σ_K = `SPREAD` allows for thrust gain and
 counterweight.
 
-* Roll: The roll angle enters the equations of all axes. To test k_r, the check therefore divides
-  roll by k_r and estimates all responses again.
+* Roll: k_r ≠ 1 also changes g_p and g_ψ, but not by a constant factor, because the equations of
+  pitch and yaw contain the roll angle. To test k_r, the check therefore divides roll by k_r and
+  estimates all responses again.
 * Yaw: The check tests k_ψ only if the response of another axis is also reliable. A wrong k_ψ
   changes yaw's response only. Wrong masses change roll's response by the same factor as yaw's.
 * Pitch: The check tests k_p only if yaw's response is also reliable. A wrong k_p changes both g_p
@@ -30,14 +31,13 @@ The check reports the hypothesis with the smallest χ² if this χ² ≤ `FITS`,
 larger by at least `MARGIN`. If the logged angle changes in steps of k counts of the profile's
 encoder, these steps also show a wrong k. Then half of `MARGIN` is enough.
 
-The check reports a wrong k as bad data (the most severe kind of fault). There are two special
-cases:
+The check reports a wrong k as bad data (the most severe kind of fault), with one exception. Half
+the axis' inertia has the same effect as k = 2, and twice the inertia the same effect as k = ½. So
+the check reports k = 2 or k = ½ only as a note (the mildest kind of fault) if the steps of the
+angle do not show k.
 
-* If the response of pitch is not reliable, a factor k of yaw's encoder has the same effect as a
-  factor 1/k of pitch's encoder. The check then names both causes.
-* Half the inertia has the same effect as k = 2, and twice the inertia the same effect as k = ½. So
-  the check reports k = 2 or k = ½ only as a note (the mildest kind of fault). It reports bad data
-  if the steps of the angle show k, or in the first special case.
+If the response of pitch is not reliable, a factor k of yaw's encoder has the same effect as a
+factor 1/k of pitch's encoder. The check then reports bad data for every k, and names both causes.
 
 **Amplifier.** If the motors get K times the logged voltages, then g = K on every axis and h = 1/K.
 The check reports bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h

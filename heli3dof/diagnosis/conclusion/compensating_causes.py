@@ -141,8 +141,8 @@ def _refitted_without(
 ) -> AdoptionResult:
     """Return ``now`` without the causes ``names``; the other causes are refitted and tested again.
 
-    The result also lists ``names`` as dropped causes. For each of them it states the gain on
-    held-out data that ``now`` contains (`Finding.gain`).
+    The result also lists ``names`` as dropped causes. The gain on held-out data that it states for
+    each of them is copied from ``now`` (`Finding.gain`).
 
     If ``names`` is empty, the model keeps all causes. The function then only repeats two steps.
     First, it simulates flights to correct the bias of the fit. Second, it tests all causes on

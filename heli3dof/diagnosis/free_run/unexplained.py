@@ -1,7 +1,8 @@
 """Report which properties of a rig the fitted model explains, and which it does not.
 
-**Equilibrium.** In steady flight at the roll angle r, with level pitch, both motors at voltage V
-give the thrust F (N, `motor.rotor_curve`). Its torque balances the torque Γ(r) of the arm:
+**Equilibrium.** Roll is the arm's rotation that lifts the body. In steady flight at the roll angle
+r, with level pitch, both motors at voltage V give the thrust F (N, `motor.rotor_curve`). Its torque
+balances the torque Γ(r) of the arm:
 
     F(V) = 2 K_f V_o (V/V_o)^n
     L_a F(V) = Γ(r) = (T_g + τ) cos r + k_r sin r

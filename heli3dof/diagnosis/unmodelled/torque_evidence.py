@@ -275,10 +275,11 @@ def simulated_scores(
 
 
 def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray) -> Scores:
-    """Return the scores in half-second blocks of the flight.
+    """Return the scores of trial torques and of p model parameters in B blocks of the flight.
 
-    ``tangents`` (p, E): derivatives of the E predicted readings with respect to p parameters. The
-    scores of these parameters are returned as ``g`` (B, p), with one row for each block.
+    A score is a derivative of the log-likelihood. Each block is half a second long. ``library``:
+    the trial torques. ``tangents`` (p, E): derivatives of the E predicted readings with respect to
+    the p parameters. The result's field ``g`` (B, p) contains the scores of these parameters.
     """
     which = block_numbers(flight.data, BLOCK_S)
     count = int(which.max()) + 1

@@ -256,7 +256,7 @@ def _most_likely_noise(
 
     Elements 0 to 2 are the process noise on the three axes. Element 3, the sampling jitter, stays
     that of ``noise``, at which the search starts. The likelihood omits the rows before ``first``,
-    because the filter has not settled there: it may mistake a limit cycle for an angular rate.
+    because the filter has not settled there: its estimates of the angular rates may be far wrong.
     """
     a = np.array(noise, dtype=float)
     best, highest = a.copy(), np.full(3, -np.inf)
