@@ -7,7 +7,6 @@ Safety monitors change no row of a flight that they do not end, and would add 0.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 from unittest.mock import patch
 
@@ -15,10 +14,7 @@ from heli3dof.experiment.control_loop.ramp_down import RampDown
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, Signals, load_plan
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.drivers import registered
 
-DRIVERS = cache(registered)
-"""The installed drivers, which a flight looks up six times: 16 ms"""
 RAMP = "heli3dof.experiment.control_loop.loop.ramp_to_zero"
 
 
@@ -49,10 +45,7 @@ def first_part(plan: Plan | str, until_s: float) -> FirstPart:
 def flown(plan: Plan | str, until_s: float | None = None, **options: Any) -> Recording:
     """Return the rows of ``fly_plan(plan, **options)`` until ``until_s``; None: all rows."""
     whole = load_plan(plan) if isinstance(plan, str) else plan
-    with (
-        patch("heli3dof.experiment.fly.monitors_for", lambda profile: ()),
-        patch("heli3dof.rig.drivers.registered", DRIVERS),
-    ):
+    with patch("heli3dof.experiment.fly.monitors_for", lambda profile: ()):
         if until_s is None:
             flight = fly_plan(whole, **options)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -11,9 +12,14 @@ from heli3dof.recording.recording import Recording
 from tests.flown import flown
 
 
+@cache
+def flight() -> Recording:
+    return flown("steps", 20.0, device="mock:?speed=max&seed=1")
+
+
 def halved(share: float) -> Recording:
     """A flight whose device reports ``share`` of the front motor's voltage from its middle on."""
-    made = flown("steps", device="mock:?speed=max&seed=1")
+    made = flight()
     voltage = made.voltage.copy()
     voltage[len(made) // 2 :, 0] *= share
     return replace(made, voltage=voltage)

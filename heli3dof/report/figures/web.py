@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
@@ -195,17 +196,17 @@ def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
         return np.arange(n)
     buckets = max(1, most // 2)
     size = -(-n // buckets)
-    kept = [0, n - 1]
-    for start in range(0, n, size):
-        part = y[start : start + size]
-        broken = np.flatnonzero(np.isnan(part))
-        if len(broken) < len(part):
-            kept += [start + int(np.nanargmin(part)), start + int(np.nanargmax(part))]
-        kept += (start + broken[:1]).tolist()
-    return np.unique(kept)
+    parts = np.append(y, np.full(-n % size, y[-1])).reshape(-1, size)
+    start = size * np.arange(len(parts))
+    broken = np.isnan(parts)
+    some, all_ = broken.any(axis=1), broken.all(axis=1)
+    least = start + np.where(broken, np.inf, parts).argmin(axis=1)
+    greatest = start + np.where(broken, -np.inf, parts).argmax(axis=1)
+    first_nan = start + broken.argmax(axis=1)
+    return np.unique(np.concatenate([[0, n - 1], least[~all_], greatest[~all_], first_nan[some]]))
 
 
 def _numbers(values: Any) -> list[float | None]:
     """Return numbers with `DIGITS` significant digits; None for NaN, which JSON lacks."""
     flat = np.asarray(values, dtype=float).tolist()
-    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in flat]
+    return [float(f"{v:.{DIGITS}g}") if isfinite(v) else None for v in flat]

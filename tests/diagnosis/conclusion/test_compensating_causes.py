@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.conclusion import compensating_causes
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
 from heli3dof.diagnosis.conclusion.compensating_causes import (
@@ -22,7 +23,7 @@ from heli3dof.diagnosis.conclusion.compensating_causes import (
     replacement,
     simulations_refute,
 )
-from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.diagnose import Effort, diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.steps import screening_step
@@ -55,8 +56,11 @@ def product(plan: str, seed: int, until_s: float = 90.0, also: str = "") -> Reco
     return flown(plan, until_s, device=device, seed=seed, profile=profile(rate_hz=250.0))
 
 
-def test_an_unmodelled_torque_gets_no_name_and_hides_no_cause() -> None:
+def test_an_unmodelled_torque_gets_no_name_and_hides_no_cause(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The delay is found in the model with the torque's formula; both change the pitch inertia."""
+    monkeypatch.setattr(module, "QUICK", Effort(6, 8, 3, 6))
     result = diagnose(product("rich", 1303, 30.0, also=",motor.delay:0.02"), quick=True)
     assert result.verdict == "unexplained"
     (delay,) = result.findings
