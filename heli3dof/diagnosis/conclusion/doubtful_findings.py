@@ -44,9 +44,10 @@ cause b. The standard deviation of 2 (ℓ_a − ℓ_b) is
     s = 2 √(C var d_c)
 
 The difference S_a − S_b is used in place of 2 (ℓ_a − ℓ_b), because the scores are corrected for
-bias and for the number of parameters. If S_a − S_b < `MIN_CLEARANCE` · s, cause a is confounded
-with b. Otherwise the confidence in a is at most Φ((S_a − S_b)/s). This test is omitted if simulated
-flights decided the choice of cause a (`search.rivals`).
+bias and for the number of parameters. Φ((S_a − S_b)/s) is the probability that a is ranked
+correctly above b. If it is below `LEVEL`, cause a is confounded with b. Otherwise the confidence in
+a is at most this probability. The test is omitted if simulated flights decided the choice of cause
+a (`search.rivals`).
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_95, SIGMAS_997
+from heli3dof.diagnosis.constants import LEVEL, MAX_COMPARED, SIGMAS_95, SIGMAS_997
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.select import Choice, with_ties
@@ -78,8 +79,6 @@ LEAST_SHARE = 0.02
 """Least share of the variance at a frequency that belongs to the motion. Chosen; not derived."""
 MOST_CONFIDENCE = 0.5
 """Largest confidence of a marked finding: as likely as not"""
-MIN_CLEARANCE = 1.0
-"""Least difference of the scores that separates two causes, in units of s. Chosen; not derived."""
 MIN_SCORE_SHARE = 0.5
 """Least score of a candidate to compare, relative to the chosen cause's score. Chosen."""
 
@@ -238,7 +237,7 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
     Vuong's test compares the log-likelihoods of two fits in segments of the flight. One fit
     contains the chosen cause. The other contains, in its place, a candidate of the same selection
     step. The test gives the probability that the chosen cause is ranked correctly above the
-    candidate (`ranking_probability`). If this probability is too low, the function adds the
+    candidate (`ranking_probability`). If this probability is below `LEVEL`, the function adds the
     candidate to ``tied_with``. Otherwise it limits the confidence in the cause to this probability.
 
     Candidates that are themselves among the ``adopted`` causes are not compared, because the final
@@ -260,7 +259,7 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
     tied, confidence = [], choice.confidence
     for c, d in zip(compared, by_cell[1:], strict=True):
         probability = ranking_probability(best.score - c.score, ranking_std(by_cell[0] - d))
-        if probability < ranking_probability(MIN_CLEARANCE, 1.0):
+        if probability < LEVEL:
             tied.append(c.term.name)
         else:
             confidence = min(confidence, probability)
