@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted, fitted
 from heli3dof.diagnosis.conclusion.compensating_causes import (
-    marked_unconfirmed,
     search_residual_torques,
 )
 from heli3dof.diagnosis.conclusion.confounded_encoder_scales import ROLL_OFFSET
@@ -173,8 +172,8 @@ def _diagnosed(
         if {c.term.name for c in settled.choices} <= {c.term.name for c in causes}:
             break
     settled = with_sizes(settled)
-    findings = marked_unconfirmed(with_segment_ties(settled.findings), settled.fit)
-    settled = replace(settled, findings=marked_if_doubtful(findings, setup))
+    findings = marked_if_doubtful(with_segment_ties(settled.findings), setup, settled.fit)
+    settled = replace(settled, findings=findings)
     clock.start("gain", "Measuring the gain on held-out data …")
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled, train, held, seed=seed)

@@ -117,11 +117,6 @@ RULES = (
         _always(None),
     ),
     Rule(
-        "unconfirmed causes are marked as …-like",
-        DIAGNOSIS + "conclusion.compensating_causes:marked_unconfirmed",
-        _argument(0),
-    ),
-    Rule(
         "pieces of the flight must agree",
         DIAGNOSIS + "conclusion.doubtful_findings:with_segment_ties",
         _argument(0),

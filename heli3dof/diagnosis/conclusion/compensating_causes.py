@@ -37,10 +37,6 @@ alone is not enough:
 Replaced causes are removed from the model. The other causes are fitted again, and each is adopted
 or dropped (`conclusion.adoption`). Then the search for residual torques is repeated, until no
 formula replaces a cause.
-
-At the end, `marked_unconfirmed` marks two kinds of remaining causes as unconfirmed. The estimated
-size of the first kind is not significant. The second kind does not significantly increase the
-likelihood of held-out data. The report adds "-like" to the names of unconfirmed causes.
 """
 
 from __future__ import annotations
@@ -52,11 +48,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import effect_size
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
+from heli3dof.diagnosis.conclusion.doubtful_findings import marked_like
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding, is_biased
-from heli3dof.diagnosis.constants import SIGMAS_95, TIE
-from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
+from heli3dof.diagnosis.constants import TIE
+from heli3dof.diagnosis.result import COMPENSATES, Dropped
 from heli3dof.diagnosis.search.candidate_fits import bic_penalty
 from heli3dof.diagnosis.search.rivals import ROUNDS, is_refuted, likelihoods
 from heli3dof.diagnosis.search.steps import bias_corrected, without
@@ -75,14 +71,12 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     split_off_slow_noise,
 )
 from heli3dof.diagnosis.validation.cross_validation import held_out
-from heli3dof.diagnosis.validation.gain import gain, gain_interval_positive
+from heli3dof.diagnosis.validation.gain import gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
-from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.recording.recording import Recording
 
 
@@ -130,7 +124,7 @@ def _all_unconfirmed(start: AdoptionResult, torques: tuple[ResidualTorque, ...])
     """
     return replace(
         start,
-        findings=tuple(replace(f, unconfirmed=True) for f in start.findings),
+        findings=tuple(marked_like(f) for f in start.findings),
         residual_torques=(*start.modelled_torques, *torques),
         is_decided=False,
     )
@@ -159,30 +153,6 @@ def _refitted_without(
     result = adopted(fit, kept, holdout, seed=setup.seed)
     replaced = (Dropped(n, gains[n], COMPENSATES) for n in names)
     return replace(result, dropped=(*now.dropped, *replaced, *result.dropped))
-
-
-def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings; those with a doubtful size or gain are marked as unconfirmed.
-
-    The report adds "-like" to the name of an unconfirmed finding. A finding is unconfirmed if one
-    of these holds:
-
-    - Its size in ``fit`` differs from zero by less than `SIGMAS_95` standard deviations.
-    - It does not significantly increase the likelihood of held-out data.
-    """
-    small = insignificant(fit)
-    return tuple(
-        replace(f, unconfirmed=True)
-        if f.term.name in small or not gain_interval_positive(f.gain)
-        else f
-        for f in findings
-    )
-
-
-def insignificant(fit: Estimate) -> set[str]:
-    """Return the terms whose first parameter is within `SIGMAS_95` σ of having no effect."""
-    sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
-    return {name for name, s in sizes.items() if s and abs(s[0]) < SIGMAS_95 * s[1]}
 
 
 @dataclass(frozen=True, eq=False)

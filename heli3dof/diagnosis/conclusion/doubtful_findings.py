@@ -3,23 +3,25 @@
 **Unconfirmed findings.** The report adds "-like" to the name of an unconfirmed finding. Its
 confidence is at most `MOST_CONFIDENCE`. These findings are unconfirmed:
 
-1. `disturbance.periodic` at a frequency f of the commanded motion: the model's errors in that
+1. A finding whose size differs from zero by less than `SIGMAS_95` standard deviations, or that does
+   not significantly increase the likelihood of held-out data.
+2. `disturbance.periodic` at a frequency f of the commanded motion: the model's errors in that
    motion have the same period. f belongs to the motion if, on an axis, the spectral line at f
    contains at least the share `LEAST_SHARE` of the variance of x(t). x is the reference, or the
    angle if no references were logged:
 
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
 
-2. `mass.change` in a fit to several recordings, or at a constant voltage. A fit to several
+3. `mass.change` in a fit to several recordings, or at a constant voltage. A fit to several
    recordings has one instant of change, counted from each recording's first sample. It is unlikely
    that the mass changes at the same instant in every recording. A drift, such as warming motors,
    explains the data better. At a constant voltage, an added weight and a lower thrust have the same
    torque.
-3. If the controller is unknown, a cause that single recordings do not confirm (see below). Without
+4. If the controller is unknown, a cause that single recordings do not confirm (see below). Without
    a controller no flights can be simulated, so no other test shows whether the cause is only a
    model error.
 
-**Single recordings** (rule 3). The rig may change between recordings: for example, the motors are
+**Single recordings** (rule 4). The rig may change between recordings: for example, the motors are
 warmer, or the battery is weaker. A joint fit to all recordings may attribute such changes to the
 effects in the model. The standard errors of the joint fit do not allow for these changes. So
 each recording is also fitted alone, with the same effects. θ is the first parameter of an effect,
@@ -29,8 +31,8 @@ standard error σ_i. The recordings confirm the effect as a cause if both hold:
     significant:   |Σ (θ_i − θ_0)/σ_i²| ≥ `SIGMAS_95` √(Σ 1/σ_i²)
     of equal size: |θ_i − θ_j| ≤ `SIGMAS_997` √(σ_i² + σ_j²)     for all i, j
 
-Recordings that cannot be fitted are ignored. If fewer than two are left, rule 3 marks no finding.
-Rule 3 does not apply to a periodic torque or a change of mass. The fits to single recordings omit
+Recordings that cannot be fitted are ignored. If fewer than two are left, rule 4 marks no finding.
+Rule 4 does not apply to a periodic torque or a change of mass. The fits to single recordings omit
 both effects, because an ordinary fit cannot find the frequency or the instant. The diagnosis finds
 them by a search over all frequencies and instants, which is not repeated for single recordings.
 
@@ -59,12 +61,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.base_parameters import effect_size
 from heli3dof.diagnosis.constants import LEVEL, MAX_COMPARED, SIGMAS_95, SIGMAS_997
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.candidate_fits import CandidateFit
 from heli3dof.diagnosis.search.select import Choice, with_ties
 from heli3dof.diagnosis.validation.cross_validation import row_by_row
-from heli3dof.diagnosis.validation.gain import CELL_S
+from heli3dof.diagnosis.validation.gain import CELL_S, gain_interval_positive
 from heli3dof.distributions import normal_cdf
 from heli3dof.errors import RecordingError
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -83,23 +86,36 @@ MIN_SCORE_SHARE = 0.5
 """Least score of a candidate to compare, relative to the chosen cause's score. Chosen."""
 
 
-def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Finding, ...]:
+def marked_if_doubtful(
+    findings: Sequence[Finding], setup: Setup, fit: Estimate
+) -> tuple[Finding, ...]:
     """Return the findings; the doubtful ones are marked as unconfirmed.
 
     The report adds "-like" to the name of an unconfirmed finding. These findings are doubtful:
 
+    - a finding whose size in ``fit`` or whose gain on held-out data is not significant
     - a periodic torque whose frequency occurs in the commanded motion
     - a change of mass that was fitted to several recordings at once
     - a change of mass, if the motor voltages are constant in one of the recordings
     - any finding that the fits to single recordings do not confirm, if the controller is unknown
     """
-    recordings, unconfirmed = setup.recordings, set[str]()
+    recordings, unconfirmed = setup.recordings, insignificant(fit)
     if not setup.controller_is_known:
-        unconfirmed = not_confirmed([f.term.name for f in findings], recordings)
+        unconfirmed |= not_confirmed([f.term.name for f in findings], recordings)
     return tuple(
-        marked_like(f) if f.term.name in unconfirmed or _is_doubtful(f, recordings) else f
+        marked_like(f)
+        if f.term.name in unconfirmed
+        or not gain_interval_positive(f.gain)
+        or _is_doubtful(f, recordings)
+        else f
         for f in findings
     )
+
+
+def insignificant(fit: Estimate) -> set[str]:
+    """Return the terms whose first parameter is within `SIGMAS_95` σ of having no effect."""
+    sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
+    return {name for name, s in sizes.items() if s and abs(s[0]) < SIGMAS_95 * s[1]}
 
 
 def marked_like(f: Finding) -> Finding:

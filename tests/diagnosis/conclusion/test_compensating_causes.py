@@ -16,8 +16,6 @@ from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.conclusion import compensating_causes
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
 from heli3dof.diagnosis.conclusion.compensating_causes import (
-    insignificant,
-    marked_unconfirmed,
     predictions_agree,
     replaced_by_formula,
     replacement,
@@ -25,7 +23,6 @@ from heli3dof.diagnosis.conclusion.compensating_causes import (
 )
 from heli3dof.diagnosis.diagnose import Effort, diagnose
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.search.steps import screening_step
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.gain import Interval
@@ -37,7 +34,6 @@ from heli3dof.identification.closed_loop_fit.base_fit import (
     implausible_inertias,
 )
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
@@ -132,38 +128,11 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch.setattr(compensating_causes, "evidence", lambda *a, **k: SimpleNamespace(null=()))
     monkeypatch.setattr(compensating_causes, "replaced_by_formula", lambda *a: None)
     monkeypatch.setattr(compensating_causes, "significant_torques", lambda *a: ())
-    monkeypatch.setattr(compensating_causes, "marked_unconfirmed", lambda findings, fit: findings)
     fit = SimpleNamespace(is_corrected=False, problem=None, optimum=None)
     setup = SimpleNamespace(recordings=(), seed=0)
     start = AdoptionResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = compensating_causes.search_residual_torques(cast(Any, setup), start, [], flights=8)
     assert [f.term.name for f in last.findings] == named
-
-
-def fit(value: float, std: float = 0.1) -> Estimate:
-    """A fit of one term with one parameter, absent at zero."""
-    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, log=False, slope=lambda v: 1.0)
-    return cast(Any, SimpleNamespace(
-        optimum=SimpleNamespace(theta=np.array([value])), values=np.array([value]), free=[free],
-        std=np.array([std]),
-        structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
-    ))  # fmt: skip
-
-
-def test_an_unconfirmed_finding_is_marked_as_like() -> None:
-    def finding(low: float) -> Any:
-        return Finding(
-            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
-            cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
-        )  # fmt: skip
-
-    results = marked_unconfirmed([finding(-8.0), finding(3.0)], fit(1.0))
-    assert [f.unconfirmed for f in results] == [True, False]
-
-
-def test_a_size_compatible_with_zero_is_insignificant() -> None:
-    assert insignificant(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
-    assert insignificant(fit(-1.0, 0.4)) == set()  # 2.5
 
 
 TWO = ("motor.thrust_mismatch", "bias.torque.pitch")

@@ -1,20 +1,30 @@
-"""Frequencies in the commanded motion: the share of a signal's variance in a line."""
+"""Doubtful findings: insignificant, of a commanded frequency, or of different sizes."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion.doubtful_findings import (
     confirmed,
+    insignificant,
     is_in_motion,
     line_share,
+    marked_if_doubtful,
     not_confirmed,
     size,
 )
+from heli3dof.diagnosis.result import Finding
+from heli3dof.diagnosis.search.select import Choice
+from heli3dof.diagnosis.validation.gain import Interval
+from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording, recording_of_arrays
 from heli3dof.rig.profile import default_profile
 from tests.identification.known_flights import fly
@@ -89,3 +99,36 @@ def test_the_size_and_its_deviation_come_from_the_fit() -> None:
 def test_recordings_that_cannot_be_fitted_are_ignored() -> None:
     r = without_controller(fly(1022, until_s=40.0).recording)
     assert not_confirmed([PENDULUM], [r.between(0, 20), r.between(20, 20.1)]) == set()
+
+
+def fit(value: float, std: float = 0.1) -> Estimate:
+    """A fit of one term with one parameter, absent at zero."""
+    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, log=False, slope=lambda v: 1.0)
+    return cast(Any, SimpleNamespace(
+        optimum=SimpleNamespace(theta=np.array([value])), values=np.array([value]), free=[free],
+        std=np.array([std]),
+        structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
+    ))  # fmt: skip
+
+
+def finding(name: str, low: float) -> Finding:
+    """A finding; the interval of its gain on held-out data begins at ``low``."""
+    choice = Choice(term(name), 30.0, 0.999, (), ())
+    gain = SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))
+    return Finding(choice, {}, cast(Any, gain), np.zeros(4))
+
+
+def test_an_insignificant_gain_or_size_is_as_likely_as_not() -> None:
+    findings = [
+        finding("motor.delay", -8.0),
+        finding("motor.delay", 3.0),
+        finding("friction.viscous.yaw", 3.0),
+    ]
+    marked = marked_if_doubtful(findings, Setup((), 0, 6), fit(1.0, 0.6))
+    assert [f.unconfirmed for f in marked] == [True, False, True]
+    assert [f.choice.confidence for f in marked] == [0.5, 0.999, 0.5]
+
+
+def test_a_size_compatible_with_zero_is_insignificant() -> None:
+    assert insignificant(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
+    assert insignificant(fit(-1.0, 0.4)) == set()  # 2.5
