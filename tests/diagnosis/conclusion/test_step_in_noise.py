@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.conclusion import step_in_noise as module
 from heli3dof.diagnosis.conclusion.step_in_noise import (
     INTERVAL_S,
     MOST_INTERVALS,
     Series,
     interval_means,
+    step_margin,
     step_test,
 )
 
@@ -97,3 +102,15 @@ def test_an_interval_with_few_samples_is_omitted() -> None:
     t = np.arange(0.0, 10.0, 0.01)
     t = t[(t < 4.0) | (t > 5.4)]
     assert not np.any(np.abs(interval_means(np.zeros(len(t), dtype=np.int64), t, t).t - 5.25) < 0.2)
+
+
+@pytest.mark.parametrize(("seconds", "is_tested"), [(2.4, False), (5.0, True)])
+def test_a_recording_of_five_intervals_is_too_short(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, is_tested: bool
+) -> None:
+    t = np.arange(0.0, seconds, 0.01)
+    data = SimpleNamespace(t=t, runs=[SimpleNamespace(source=0)], blocks=[(0, 0, len(t))])
+    torque = np.random.default_rng(6).standard_normal((len(t), 3))
+    run = SimpleNamespace(data=data, torque=torque)
+    monkeypatch.setattr(module, "linearised_run", lambda fit: run)
+    assert (step_margin(cast(Any, None), 0, seed=0) > 0) == is_tested
