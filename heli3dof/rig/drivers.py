@@ -7,6 +7,7 @@ that cannot be imported causes a warning when rigs are listed, and an error for 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -22,11 +23,16 @@ if TYPE_CHECKING:
 GROUP = "heli3dof.drivers"
 
 
-@cache
 def registered() -> Mapping[str, EntryPoint]:
-    """Return the entry points of the installed drivers by URL scheme.
+    """Return the entry points of the installed drivers by URL scheme."""
+    return _read(tuple(sys.path))
 
-    They are read once per process: this takes 16 ms, and a flight needs them six times.
+
+@cache
+def _read(path: tuple[str, ...]) -> Mapping[str, EntryPoint]:
+    """Read the installed drivers in the folders ``path``, once: 16 ms, and a flight asks 6 times.
+
+    A driver that is installed later is found because `load_driver` empties the cache.
     """
     return {e.name: e for e in entry_points(group=GROUP)}
 
@@ -38,9 +44,12 @@ def load_driver(scheme: str) -> Driver:
     the driver of the part before the +. Raises UsageError for an unknown scheme, DeviceError if the
     driver cannot be loaded.
     """
+    base = scheme.partition("+")[0]
+    if not {scheme, base} & registered().keys():
+        _read.cache_clear()
     known = registered()
     if scheme not in known:
-        scheme = scheme.partition("+")[0]
+        scheme = base
     if scheme not in known:
         raise UsageError(
             f"There is no driver for {scheme + ':'!r}.",

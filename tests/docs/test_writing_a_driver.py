@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.errors import DeviceError
-from heli3dof.rig.drivers import open_driver
+from heli3dof.errors import DeviceError, UsageError
+from heli3dof.rig.drivers import load_driver, open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.paths import ROOT
@@ -56,6 +56,15 @@ def amplifier() -> Iterator[LabAmplifier]:
     made = LabAmplifier()
     yield made
     made.close()
+
+
+def test_a_driver_that_is_installed_later_is_found(package: Path, installed: None) -> None:
+    (about,) = package.glob("*.dist-info")
+    moved = about.rename(package / "not-yet-installed")
+    with pytest.raises(UsageError, match="There is no driver for 'lab:'"):
+        load_driver("lab")
+    moved.rename(about)
+    assert load_driver("lab").options == ()
 
 
 def test_the_pages_own_test_of_the_driver_passes(package: Path, amplifier: LabAmplifier) -> None:
