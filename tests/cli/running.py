@@ -14,7 +14,7 @@ from typer.main import get_command
 from heli3dof.cli.app import app
 from heli3dof.rig.session.stop_stamp import start_command
 
-# The parser is built once: 20 ms of CPU time, a thousand times in the tests.
+# The parser is built once: 40 ms of CPU time, a thousand times in the tests.
 typer.testing._get_command = cache(get_command)
 
 

@@ -220,8 +220,7 @@ def size(fit: Estimate, name: str) -> tuple[float, float]:
     function returns θ itself (θ_0 = 0).
     """
     j = first_parameters(fit.free)[name]
-    f = fit.free[j]
-    return float(fit.values[j]) - (0.0 if f.log else f.null), float(fit.std[j])
+    return effect_size(fit, name) or (float(fit.values[j]), float(fit.std[j]))
 
 
 def _fit_alone(recording: Recording, names: Sequence[str]) -> Estimate | None:

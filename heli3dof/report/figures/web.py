@@ -199,11 +199,13 @@ def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
     parts = np.append(y, np.full(-n % size, y[-1])).reshape(-1, size)
     start = size * np.arange(len(parts))
     broken = np.isnan(parts)
-    some, all_ = broken.any(axis=1), broken.all(axis=1)
+    has_nan, has_value = broken.any(axis=1), ~broken.all(axis=1)
     least = start + np.where(broken, np.inf, parts).argmin(axis=1)
     greatest = start + np.where(broken, -np.inf, parts).argmax(axis=1)
     first_nan = start + broken.argmax(axis=1)
-    return np.unique(np.concatenate([[0, n - 1], least[~all_], greatest[~all_], first_nan[some]]))
+    return np.unique(
+        np.concatenate([[0, n - 1], least[has_value], greatest[has_value], first_nan[has_nan]])
+    )
 
 
 def _numbers(values: Any) -> list[float | None]:
