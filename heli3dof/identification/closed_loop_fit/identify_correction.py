@@ -1,17 +1,17 @@
-"""Correct the bias of ``identify``'s fits to closed-loop recordings with a limit cycle.
+"""Correct the bias of ``identify``'s fits to closed-loop recordings.
 
-When the reference is constant, the encoders may be on a limit cycle of a count or two. There the
-maximum of the likelihood is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch
-inertia contained the true value (`make bench TOPIC=greybox`). Such a fit has a large κ. κ is the
-actual variance of the scores (the log-likelihood's gradients), divided by the variance that the
-noise model expects (`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit
-whose κ exceeds `MAX_INFLATION`, even if unmodelled motion causes it (`bias_correction.correction`).
+The filter's likelihood assumes Gaussian distributions, but encoders quantise and the controller
+feeds the quantised angles back. So the maximum of the likelihood is biased. For example, on the
+plan ``steps`` a rotor lag of 20 ms is estimated six standard deviations too short. On 10° steps of
+24 rigs, no 95 % interval of the roll or pitch inertia contained the true value (`make bench
+TOPIC=greybox`): the encoders were on a limit cycle of a count or two. `without_bias` corrects the
+fit by simulated flights of the fitted model (`bias_correction.correction`).
 
-The correction simulates flights of the fitted model. On an extreme limit cycle, even the corrected
-inertia may be several times too small. Then the recordings' scores still have a larger variance
-than those of the simulated flights. In this case `without_bias` makes a second corrected fit, with
-the process noise that a diagnosis would estimate (`closed_loop_fit.base_fit`). It returns the fit
-for which the ratio of these two variances is smaller (`unexplained_scatter`).
+On an extreme limit cycle, even the corrected inertia may be several times too small. Then the
+recordings' scores (the log-likelihood's gradients) have a larger variance than those of the
+simulated flights. In this case `without_bias` makes a second corrected fit, with the process noise
+that a diagnosis would estimate (`closed_loop_fit.base_fit`). It returns the fit for which the ratio
+of these two variances is smaller (`unexplained_scatter`).
 """
 
 from __future__ import annotations
@@ -22,11 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
-from heli3dof.identification.bias_correction.correction import (
-    MAX_INFLATION,
-    CorrectedFit,
-    correct,
-)
+from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.limit_cycle import scatters_on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -40,14 +36,12 @@ flights, the standard error of their mean score is 1/√8 of one score's standar
 
 
 def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
-    """Return the bias-corrected fit, or ``found`` if no correction is needed or possible.
+    """Return the bias-corrected fit, or ``found`` if a correction is not possible.
 
     ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs,
     in every recording, a known controller (`model.control.voltage_replay`), all angles and their
     references. If the correction diverges, the result is ``found``, too.
     """
-    if found.inflation <= MAX_INFLATION:
-        return found
     flown = [with_known_controller(r) for r in recordings]
     if not controller_is_known(flown):
         return found
@@ -85,6 +79,6 @@ def correction_note(found: Estimate) -> list[str]:
     if not isinstance(found, CorrectedFit):
         return []
     return [
-        "The scores scattered more than the noise model allows, as on an encoder limit cycle, "
-        f"which biases a fit. {found.flights} simulated flights of the fitted rig corrected it."
+        "Encoder quantisation and feedback bias the likelihood; "
+        f"{found.flights} simulated flights of the fitted rig corrected this."
     ]

@@ -59,8 +59,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     ``request.partial``, in which an angle was not measured. ``request.terms`` names the effects
     whose parameters are fitted. If it is None, the effects are `DEFAULT_TERMS`. In this case the
     fit also tests whether simplified equations of motion fit much better
-    (`greybox.structure_test`). If the controller is known and the fit is biased, simulated flights
-    correct the bias (`closed_loop_fit.identify_correction`).
+    (`greybox.structure_test`). If the controller is known, simulated flights correct the bias
+    (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     given = [*prepared.recordings, *request.partial]
@@ -137,8 +137,7 @@ def fit_greybox(
     `model_of` converts the result to a model. A recording may contain a single angle (the fit then
     holds the other axes at rest), and its controller may be unknown.
     `heli3dof.identification.row_selection` selects the rows. Unlike ``identify``, the function
-    neither corrects the bias on a limit cycle (`closed_loop_fit.identify_correction`) nor
-    simplifies the equations.
+    neither corrects the bias (`closed_loop_fit.identify_correction`) nor simplifies the equations.
 
     Args:
         recordings: one or several.
