@@ -32,7 +32,13 @@ from heli3dof.diagnosis.search.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.search.rivals import compared_by_simulation
 from heli3dof.diagnosis.search.score_test import Screen
 from heli3dof.diagnosis.search.screening import Screening
-from heli3dof.diagnosis.search.select import Choice, best_choice, choose, with_ties
+from heli3dof.diagnosis.search.select import (
+    Choice,
+    best_choice,
+    choose,
+    least_difference,
+    with_ties,
+)
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -122,8 +128,8 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 
     - The rival's Z² in the last step is below half of its Z² in the cause's step. So the cause
       explains much of what the rival would explain.
-    - The rival's Z² in the last step still reaches the threshold. So the cause does not explain all
-      of it.
+    - The rival's Z² in the last step still reaches the threshold, and `least_difference`: the
+      smallest number that an inexact formula of the cause does not explain.
 
     If the last step chose a cause, no rival is added.
     """
@@ -135,8 +141,9 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
     for s in steps:
         choice = s.choice
         if choice is not None:
-            others = choice.candidates[1:]
-            remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.statistic)
+            least = least_difference(choice.score)
+            rivals = [(c, Z2.get(c.term.name, 0.0)) for c in choice.candidates[1:]]
+            remain = (c.term.name for c, z in rivals if least < z < c.statistic / 2)
             choice = with_ties(choice, remain)
         out.append(replace(s, choice=choice))
     return out

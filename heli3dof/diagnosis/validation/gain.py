@@ -8,10 +8,15 @@ decrease of the prediction error of axis i, and Δℓ, the increase of the log-l
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       (°), for predictions over 1 s
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
-The 95 % intervals come from a block bootstrap. Its blocks are time intervals of `CELL_S` seconds
-(cells), because predictions overlap and noise is correlated within a second. A gain is significant
-if the interval of Δℓ lies above zero (`gain_interval_positive`). RMSE alone may miss a real effect:
-modelling a periodic torque may lower it by only 2 %.
+A block bootstrap gives the standard deviation s of a gain x. Its blocks are m time intervals of
+`CELL_S` seconds (cells), because predictions overlap and noise is correlated within a second. The
+95 % interval of x is
+
+    x ± t √(m/(m − 1)) s        t: 97.5 % quantile of Student's t with m − 1 degrees of freedom
+
+It is infinite for a single cell. A gain is significant if the interval of Δℓ lies above zero
+(`gain_interval_positive`). RMSE alone may miss a real effect: modelling a periodic torque may lower
+it by only 2 %.
 """
 
 from __future__ import annotations
@@ -24,6 +29,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import LEVEL
+from heli3dof.distributions import t_isf
 
 HORIZON_S = 1.0
 """s, horizon of the predictions. Chosen."""
@@ -117,9 +123,17 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
     """
     m = len(before.squares)
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
+
+    def interval_of(value: float, draws: np.ndarray) -> Interval:
+        half = np.inf
+        if m > 1:
+            t = float(t_isf((1 - LEVEL) / 2, m - 1))
+            half = t * np.sqrt(m / (m - 1)) * float(np.nanstd(draws))
+        return Interval(value, value - half, value + half)
+
     delta, likelihood = after.loglik - before.loglik, None
     if len(delta):
-        likelihood = Interval(float(delta.sum()), *interval(delta[drawn].sum(axis=1)))
+        likelihood = interval_of(float(delta.sum()), delta[drawn].sum(axis=1))
 
     def decrease(cells: np.ndarray) -> np.ndarray:
         counts = before.counts[cells].sum(axis=-2)
@@ -128,7 +142,7 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
     value, draws = decrease(np.arange(m)), decrease(drawn)
     decreases = {
-        a: Interval(float(value[i]), *interval(draws[:, i])) if before.counts[:, i].any() else None
+        a: interval_of(float(value[i]), draws[:, i]) if before.counts[:, i].any() else None
         for i, a in enumerate(AXES)
     }
     return Gain(before.on, before.rmse_deg, after.rmse_deg, decreases, likelihood)

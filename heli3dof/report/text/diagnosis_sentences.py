@@ -445,7 +445,7 @@ def _confounded(name: str, others: Sequence[str]) -> str:
     weights = [n for n in others if n not in flights and n not in scales]
     parts = []
     if flights:
-        parts.append(f"{listed(flights, 'or')} in these recordings: each fits about as well.")
+        parts.append(f"{listed(flights, 'or')}: these recordings do not decide between them.")
     if scales:
         parts.append(f"{listed(scales, 'or')} in any flight: {turn_by_hand(scales)}.")
     if weights:

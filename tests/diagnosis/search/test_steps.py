@@ -132,6 +132,16 @@ def test_a_rival_that_its_cause_explains_only_in_part_is_confounded_with_it() ->
     assert step.choice.tied_with == ()
 
 
+def test_a_rival_that_only_a_formula_error_leaves_significant_is_not_confounded() -> None:
+    """An added mass of 0.1 kg, the plan ``rich``: 3 % of its score is more than what remains."""
+    first = step_of(
+        ("mass.change", 2712.0, 900.0), ("motor.supply_sag", 1130.0, 700.0), remaining={}
+    )
+    (step, _) = with_rivals_that_remain([first, step_of(remaining={"motor.supply_sag": 40.0})])
+    assert step.choice is not None
+    assert step.choice.tied_with == ()
+
+
 @pytest.mark.accuracy
 @pytest.mark.parametrize("seed", [3103, 3112])
 def test_both_causes_are_found_though_one_conceals_the_other(seed: int) -> None:

@@ -84,11 +84,21 @@ def test_the_gain_is_the_difference_and_lies_in_its_interval() -> None:
     after = cells([-8.0, -15.0, -27.0, -18.0], [0.02, 0.02, 0.02, 0.02])
     g = gain(before, after)
     assert g.log_likelihood.value == pytest.approx(12.0)
-    assert g.log_likelihood.low == pytest.approx(8.0, abs=1.0)  # four cells of 2 at the least
+    # Cells of 2, 5, 3 and 2: s = √2, so 12 ± 3.18 · √4 · √2.
+    assert g.log_likelihood.low == pytest.approx(12.0 - 3.18 * 2 * 1.414, abs=0.4)
     # √((3·0.02² + 0.04²)/4) rad is 1.516°, 0.02 rad is 1.146°.
     assert g.rmse_deg["roll"] is not None
     assert g.rmse_deg["roll"].value == pytest.approx(1.516 - 1.146, abs=1e-3)
     assert gain_interval_positive(g)
+
+
+def test_two_cells_leave_the_gain_uncertain_and_one_determines_nothing() -> None:
+    """Student's t with one degree of freedom: gains of 80 and 90 sum to 170 ± 12.7 · 10."""
+    before, after = cells([-100.0, -100.0], [0.02] * 2), cells([-20.0, -10.0], [0.02] * 2)
+    assert gain(before, after).log_likelihood.low == pytest.approx(170 - 127, abs=6)
+    alone = gain(cells([-100.0], [0.02]), cells([-20.0], [0.01]))
+    assert not gain_interval_positive(alone)
+    assert not alone.removes_most_error
 
 
 def test_a_gain_in_one_cell_with_losses_in_others_does_not_pay() -> None:

@@ -115,7 +115,7 @@ def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> 
         "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 123",
         "An effect is present (confidence 93 %)",
         "frequency | 0.5 | – | Hz",
-        "confounded with friction.viscous.yaw in these recordings: each fits about as well.",
+        "confounded with friction.viscous.yaw: these recordings do not decide between them.",
         "| yaw | 3.000 | 0.300 | +2.700 | 2.500 … 2.900 | 0.200 |",
         "depends on pitch rate, 40 % of the unexplained variance",
         "Not identifiable from these recordings, even if large: motor.delay.",
