@@ -52,7 +52,9 @@ def diagnosis_document(
     following = _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming)
     if f is not None and (lengths := _wrong_lengths(f, hover)):
         about["corrected_lengths_m"] = lengths
-    if following is None and f is not None and f.final is None:
+    if upcoming is not None and upcoming.plan is None:
+        about["no_next_experiment"], following = upcoming.why, None
+    elif following is None and f is not None and f.final is None:
         about["no_next_experiment"] = why_none(f.open)
     return {
         "schema": "heli3dof.diagnosis/1",

@@ -326,10 +326,11 @@ class PlanForecast:
 class NextExperiment:
     """The recommended plan, and the causes between which a flight of this plan should decide.
 
-    ``certainty``: probability that such a flight decides. ``ranking``: all plans, the best first.
+    ``plan`` is None if no plan separates them; ``why`` states the reason. ``certainty``:
+    probability that such a flight decides. ``ranking``: all plans, the best first.
     """
 
-    plan: str
+    plan: str | None
     separates: tuple[str, ...]
     why: str
     certainty: float | None

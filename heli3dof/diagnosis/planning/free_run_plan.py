@@ -44,6 +44,7 @@ from heli3dof.diagnosis.free_run.elimination import NORMAL
 from heli3dof.diagnosis.free_run.refits import least_squares
 from heli3dof.diagnosis.planning.plan_flights import (
     flights_needed,
+    flights_sentence,
     is_stable,
     rendered_plan,
     simulated_plan,
@@ -240,7 +241,8 @@ def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) ->
         f"of this plan find {each}"
     )
     if best.certainty < MIN_CERTAINTY:
-        text += f". {flights_needed(lambda flights: _certainty(best.margins, flights))}"
+        flights = flights_needed(lambda flights: _certainty(best.margins, flights))
+        text += f". {flights_sentence(flights)}"
     return text
 
 

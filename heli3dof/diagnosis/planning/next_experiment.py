@@ -50,8 +50,11 @@ from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_fli
 from heli3dof.diagnosis.constants import MAX_CAUSES, SUFFICIENT, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import (
+    LIKELY,
+    MOST_FLIGHTS,
     RenderedPlan,
     flights_needed,
+    flights_sentence,
     is_stable,
     rendered_plan,
     simulated_plan,
@@ -180,6 +183,8 @@ def recommend(
 ) -> NextExperiment:
     """Return the plan that separates the ``causes`` in the shortest time.
 
+    Its ``plan`` is None if not even `MOST_FLIGHTS` flights of the best plan separate them.
+
     ``base``: a fit without these causes. ``causes``: each element is a refit of ``base`` with one
     cause added, or trial values of the cause's parameters. ``plans``: names of the plans to
     compare; by default all.
@@ -208,10 +213,7 @@ def recommend(
             fix="widen [limits] in the profile, or write a gentler plan",
         )
     ranking = tuple(sorted(forecasts, key=lambda f: -_beyond_formula_error(f) / f.duration_s))
-    best = ranking[0]
-    return NextExperiment(
-        best.plan, tuple(names), _why(best, names, decisive), round(best.certainty, 3), ranking
-    )
+    return _recommended(ranking, names, decisive)
 
 
 def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperiment | None:
@@ -283,7 +285,16 @@ def _if_certain(recommended: NextExperiment, clause: str) -> NextExperiment | No
     return replace(recommended, why=f"{recommended.why}, {clause}")
 
 
-def _why(best: PlanForecast, names: Sequence[str], decisive: float = TIE) -> str:
+def _recommended(
+    ranking: tuple[PlanForecast, ...], names: Sequence[str], decisive: float = TIE
+) -> NextExperiment:
+    best = ranking[0]
+    flights = flights_needed(lambda flights: _certainty(best, decisive, flights))
+    plan, why = None if flights is None else best.plan, _why(best, names, flights)
+    return NextExperiment(plan, tuple(names), why, round(best.certainty, 3), ranking)
+
+
+def _why(best: PlanForecast, names: Sequence[str], flights: int | None) -> str:
     seconds = f"{best.duration_s:.0f} s"
     if len(names) == 1:
         return (
@@ -291,11 +302,16 @@ def _why(best: PlanForecast, names: Sequence[str], decisive: float = TIE) -> str
             f"{percent(best.certainty)} whether the rig has {names[0]}"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
+    if flights is None:
+        return (
+            f"no plan separates {what}: not even {MOST_FLIGHTS} flights of the best one, "
+            f"{best.plan}, decide with a probability of {percent(LIKELY)}. "
+            "Measure one effect by hand"
+        )
     if best.certainty < MIN_CERTAINTY:
         return (
             f"no plan separates {what} well. In simulation, {seconds} of this plan do so by a "
-            f"margin of {best.margin:.0f}, more than any other plan. "
-            + flights_needed(lambda flights: _certainty(best, decisive, flights))
+            f"margin of {best.margin:.0f}, more than any other plan. {flights_sentence(flights)}"
         )
     return (
         f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f} "

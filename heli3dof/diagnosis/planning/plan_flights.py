@@ -114,18 +114,28 @@ def _reference_recording(p: RenderedPlan) -> Recording:
     )  # fmt: skip
 
 
-def flights_needed(certainty: Callable[[int], float]) -> str:
-    """Return a sentence: how many flights decide with at least the probability `LIKELY`.
+def flights_needed(certainty: Callable[[int], float]) -> int | None:
+    """Return how many flights decide with at least the probability `LIKELY`.
 
-    ``certainty`` is a function that returns the probability of a decision after n flights.
+    The result is None if not even `MOST_FLIGHTS` decide. ``certainty`` is a function that returns
+    the probability of a decision after n flights.
 
-    >>> flights_needed(lambda flights: flights / 3)
+    >>> flights_needed(lambda flights: flights / 3), flights_needed(lambda flights: 0.5)
+    (3, None)
+    """
+    numbers = range(1, MOST_FLIGHTS + 1)
+    return next((n for n in numbers if certainty(n) >= LIKELY), None)
+
+
+def flights_sentence(flights: int | None) -> str:
+    """Return a sentence: how many ``flights`` decide; None: not even `MOST_FLIGHTS`.
+
+    >>> flights_sentence(3)
     '3 such flights decide with a probability of 90 %. Or measure one effect by hand'
-    >>> flights_needed(lambda flights: 0.5)
+    >>> flights_sentence(None)
     'Not even 20 such flights decide with a probability of 90 %: measure one effect by hand'
     """
     decide = f"such flights decide with a probability of {percent(LIKELY)}"
-    for flights in range(2, MOST_FLIGHTS + 1):
-        if certainty(flights) >= LIKELY:
-            return f"{flights} {decide}. Or measure one effect by hand"
-    return f"Not even {MOST_FLIGHTS} {decide}: measure one effect by hand"
+    if flights is None:
+        return f"Not even {MOST_FLIGHTS} {decide}: measure one effect by hand"
+    return f"{flights} {decide}. Or measure one effect by hand"

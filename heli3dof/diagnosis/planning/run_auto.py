@@ -123,6 +123,7 @@ def run_auto(
         if ended is not None:
             break
         assert upcoming is not None
+        assert upcoming.plan is not None
         plan = load_plan(upcoming.plan)
     return AutoResult(folder, tuple(paths), tuple(recordings), result, upcoming, ended)
 
@@ -130,7 +131,7 @@ def run_auto(
 def _why_ended(
     result: Diagnosis, upcoming: NextExperiment | None, flown: Sequence[str], left_s: float
 ) -> str | None:
-    if upcoming is None:
+    if upcoming is None or upcoming.plan is None:
         if result.verdict in ("explained", "nothing_found"):
             return "settled"
         return f"{result.verdict.replace('_', ' ')}: no further flight would help"
@@ -144,7 +145,9 @@ def _why_ended(
 def _sentence(result: Diagnosis, upcoming: NextExperiment | None) -> str:
     names = ", ".join(f.term.name for f in by_gain(result.findings))
     verdict = result.verdict.replace("_", " ") + (f" ({names})" if names else "")
-    return verdict if upcoming is None else f"{verdict}; next: {upcoming.plan}, {upcoming.why}"
+    if upcoming is None:
+        return verdict
+    return f"{verdict}; next: {upcoming.plan or 'no flight'}, {upcoming.why}"
 
 
 def _discard(sentence: str) -> None:

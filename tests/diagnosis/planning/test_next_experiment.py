@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.constants import TIE
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning import plan_flights
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
@@ -122,6 +123,18 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     assert all(len(causes) == 1 for causes in requested)
 
 
+def test_no_flight_is_recommended_if_not_even_many_decide() -> None:
+    best = PlanForecast("levels", 66.0, (-0.4, 1.0), 0.1, (50.0, 50.0))
+    upcoming = module._recommended((best,), ("encoder.offset.pitch", "aero.reaction_torque"))
+    assert upcoming.plan is None
+    document = diagnosis_document(Diagnosis(("r",), (), "ambiguous", ()), None, upcoming)
+    assert document["next_experiment"] is None
+    assert document["about"]["no_next_experiment"] == (
+        "no plan separates encoder.offset.pitch and aero.reaction_torque: not even 20 flights of "
+        "the best one, levels, decide with a probability of 90 %. Measure one effect by hand"
+    )
+
+
 def test_an_effect_that_a_residual_torque_resembles_is_planned_for(
     base: Estimate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,6 +159,9 @@ def test_an_effect_that_a_residual_torque_resembles_is_planned_for(
     assert replace(found, residual_torques=(like, unlike)).likely_effects == ()
 
 
+LAG_OR_DELAY = ("motor.lag", "motor.delay")
+
+
 def forecast(*margins: float, scores: tuple[float, ...]) -> PlanForecast:
     f = PlanForecast("rich", 60.0, margins, 0.0, scores)
     return replace(f, certainty=module._certainty(f, TIE))
@@ -153,18 +169,18 @@ def forecast(*margins: float, scores: tuple[float, ...]) -> PlanForecast:
 
 def test_a_plan_that_hardly_decides_is_introduced_by_that() -> None:
     best = forecast(5.0, 9.0, scores=(20.0, 20.0))
-    assert module._why(best, ["motor.lag", "motor.delay"]).startswith(
+    assert module._recommended((best,), LAG_OR_DELAY).why.startswith(
         "no plan separates motor.lag and motor.delay well. In simulation, 60 s of this plan do so "
         "by a margin of 5, more than any other plan. 12 such flights decide"
     )
     clear = forecast(90.0, 120.0, scores=(200.0, 200.0))
-    assert "no plan" not in module._why(clear, ["motor.lag", "motor.delay"])
+    assert "no plan" not in module._recommended((clear,), LAG_OR_DELAY).why
 
 
 def test_a_plan_that_shows_only_one_of_two_causes_is_not_certain() -> None:
     f = forecast(35.5, 0.33, scores=(60.0, 60.0))
     assert f.certainty < 0.05
-    assert "Not even 20 such flights decide" in module._why(f, ["motor.lag", "motor.delay"])
+    assert module._recommended((f,), LAG_OR_DELAY).plan is None
 
 
 def test_a_margin_within_the_error_of_formulas_never_decides() -> None:
