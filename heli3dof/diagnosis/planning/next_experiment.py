@@ -60,6 +60,7 @@ from heli3dof.diagnosis.planning.plan_flights import (
     simulated_plan,
 )
 from heli3dof.diagnosis.result import (
+    COLOURED,
     DOES_NOT_PAY,
     MIN_CERTAINTY,
     Diagnosis,
@@ -225,7 +226,8 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
        undecided (`planning.free_run_plan`)?
     2. A finding is confounded with causes that a flight can separate: which does the rig have?
     3. A residual torque resembles an effect (`Diagnosis.likely_effects`): does the rig have it?
-    4. The search selected a cause that held-out data do not confirm: does the rig have it?
+    4. The search selected a cause that held-out data do not confirm, or that low-frequency noise
+       explains as well: does the rig have it?
     5. The recordings cannot show an effect, even if it is large: does the rig have it?
 
     Questions 4 and 5 are open only if the diagnosis has no findings. In addition, a base parameter
@@ -256,13 +258,14 @@ def next_experiment(found: Diagnosis, *, seed: int | None = None) -> NextExperim
             decisive = SUFFICIENT if found.findings else TIE
             known = "which would explain the residual torque of these recordings"
             return _if_certain(recommend(base, [likely], seed=seed, decisive=decisive), known)
-        known = f"which fits these recordings better, but {DOES_NOT_PAY}"
+        dropped = [x for x in found.dropped if x.why in (DOES_NOT_PAY, COLOURED)]
         open_ = [
             typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
-            for x in found.dropped
-            if x.why == DOES_NOT_PAY
+            for x in dropped
         ]
-        if not open_:
+        if dropped:
+            known = f"which fits these recordings better, but {dropped[0].why}"
+        else:
             known = "which these recordings cannot show, even if it is large"
             hidden = separable_by_flight("", found.not_identifiable)
             open_ = [typical_cause(name) for name in hidden[:1]]

@@ -45,7 +45,7 @@ WITH_REFIT = (
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
 WRONG_PROFILE = "A wrong length or mass in the profile is likely: correct it before searching on."
-UNCONFIRMED = "A further effect ({}) would fit better, but held-out data do not confirm it."
+UNCONFIRMED = "A further effect ({}) would fit better, but {}."
 LISTED = 6
 """Largest number of names that a sentence lists; of further names it gives only the number."""
 NOISE_EXCESS = 1.5
@@ -107,8 +107,10 @@ def verdict(document: Document) -> str:
             meaning = NOISE_UNKNOWN
         elif noisy := noisy_axes(document):
             meaning = NOISE_IS_LARGER.format(listed(noisy))
-        if dropped := [str(x["effect"]) for x in document.get("dropped", ())]:
-            meaning = UNCONFIRMED.format(listed(dropped, "or"))
+        if dropped := document.get("dropped", ()):
+            reasons = dict.fromkeys(reason_against(document, x) for x in dropped)
+            names = listed([str(x["effect"]) for x in dropped], "or")
+            meaning = UNCONFIRMED.format(names, "; ".join(reasons))
         doubtful = [str(c["parameter"]) for c in not_significantly_off(document)]
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
@@ -558,6 +560,15 @@ def _torque_term(rest: Document, where: str) -> str:
     return f"The extended model contains it as c × {product}{instead}, c = {size}. {gain}"
 
 
+def reason_against(document: Document, dropped: Document) -> str:
+    """Return the reason why the diagnosis did not adopt an effect of ``document["dropped"]``."""
+    _, high = dropped["gain"].get("holdout_log_likelihood_interval") or (None, None)
+    if high is None or high >= 0:
+        return str(dropped.get("why", "held-out data do not confirm its gain"))
+    other = ": is the hold-out from the same rig?" if document["holdout"] else ""
+    return f"held-out data contradict it{other}"
+
+
 def not_adopted(document: Document) -> Iterator[str]:
     """Yield sentences on effects not added to the model, and on effects not identifiable."""
     for x in document.get("dropped", ()):
@@ -566,11 +577,7 @@ def not_adopted(document: Document) -> Iterator[str]:
             yield f"Not adopted: {x['effect']} does not improve predictions of left-out blocks."
             continue
         low, high = span
-        reason = str(x.get("why", "held-out data do not confirm its gain"))
-        if high is not None and high < 0:
-            reason = "held-out data contradict it" + (
-                ": is the hold-out from the same rig?" if document["holdout"] else ""
-            )
+        reason = reason_against(document, x)
         change = f"ln L {fixed(low, 0)} … {fixed(high, 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {reason} ({change})."
     hidden = [str(x) for x in document["not_identifiable"]]
@@ -659,7 +666,7 @@ def wrong_masses_or_lengths(document: Document) -> list[str]:
 def _profile_update(document: Document) -> Iterator[str]:
     """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile."""
     off = refit_explains(document) or any(
-        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
+        c.get("beyond_tolerance") == "surely" for c in document["calibration"]
     )
     if document["model"] and off:
         yield (
