@@ -31,13 +31,15 @@ def test_identify_fits_no_bad_data(tmp_path: Path) -> None:
     assert row == {"faults": "encoder.sign"}
 
 
-def test_a_parameter_at_the_bound_of_no_effect_has_no_standard_deviation(tmp_path: Path) -> None:
-    """So `fleet` does not compare rigs by a bound. The simulated rig has no motor lag."""
+def test_a_parameter_at_the_bound_of_no_effect_is_zero_within_its_error(tmp_path: Path) -> None:
+    """So `fleet` finds a lag that appears. The simulated rig has no motor lag."""
     path = write_recording(flown("rich", 20.0, device="mock:?speed=max"), tmp_path / "no-lag.mcap")
     options = {"terms": ["motor.lag", "friction.viscous.yaw"]}
     job = Job(Task.new("identify", "a", options, None), path, tmp_path)
     document = ANALYSES["identify"].run(job)
     row = ANALYSES["identify"].columns(document)
     assert document["absent"] == ["motor.lag.time_constant_s"]
-    assert row["motor.lag.time_constant_s_std"] is None
+    assert row["absent"] == "motor.lag.time_constant_s"
+    assert row["motor.lag.time_constant_s"] == 0
+    assert row["motor.lag.time_constant_s_std"] > 0
     assert row["friction.viscous.yaw.damping_Nms_per_rad_std"] > 0
