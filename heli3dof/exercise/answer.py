@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from heli3dof.axes import AXES
+from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import RecordingError, UsageError, quoted
 from heli3dof.exercise.levels import UNMODELLED
 from heli3dof.model.effects import term
@@ -251,7 +251,7 @@ def _statement(text: str, confidence: float | None) -> Claim:
     try:
         if match is None:
             raise ValueError
-        name, value, half = match[1].strip(), match[2], match[3]
+        name, value, half = _effect_name(match[1].strip()), match[2], match[3]
         if half is not None and float(half) < 0:
             raise ValueError
         sizes = _claimed_sizes(name, value, half)
@@ -264,17 +264,27 @@ def _statement(text: str, confidence: float | None) -> Claim:
         ) from error
 
 
+def _effect_name(text: str) -> str:
+    """Return the name of a claim with roll and yaw for the axes elevation and travel.
+
+    Raises UsageError if the catalogue has no such effect.
+    """
+    head, _, axis = text.rpartition(".")
+    if head == UNMODELLED and ALIASES.get(axis, axis) in AXES:
+        return f"{head}.{ALIASES.get(axis, axis)}"
+    return text if text == NONE else term(text).name
+
+
 def _claimed_sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
     """Return the claimed size of an effect: {name of the effect's first parameter: size}.
 
     ``name``: the effect. ``value``: the claimed value of its first parameter, as text. If it is
     None, the result is {}. ``half``: half the width of the value's 95 % interval, as text.
 
-    Raises UsageError if the name is unknown. Raises UsageError if there is a value, but the claim
-    is no effect with a parameter (`NONE`, `UNMODELLED`). Raises ValueError if a text is not a
-    number.
+    Raises UsageError if there is a value, but the claim is no effect with a parameter (`NONE`,
+    `UNMODELLED`). Raises ValueError if a text is not a number.
     """
-    if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
+    if name == NONE or name.startswith(f"{UNMODELLED}."):
         if value is not None:
             raise UsageError(
                 f"--cause {name} has no size.",

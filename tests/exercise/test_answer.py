@@ -82,6 +82,19 @@ def test_statements_have_a_value_an_interval_and_a_confidence() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("drag.quadratic.elevation=0.3", "drag.quadratic.roll"),
+        ("unmodelled.travel", "unmodelled.yaw"),
+    ],
+)
+def test_elevation_and_travel_are_roll_and_yaw(text: str, name: str) -> None:
+    assert [c.name for c in statements([text], [])] == [name]
+    with pytest.raises(UsageError, match=f"names {name} twice"):
+        statements([text, name], [])
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "inertia.yaw=",
