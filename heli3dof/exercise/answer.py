@@ -122,8 +122,8 @@ def make_answer(
     ``name`` is the student's name. ``diagnoses``: file name → content of ``diagnose --json``. Of
     several claims for the same effect, the first is kept. The claim `NONE` (no hidden effect) is
     kept only if it is the only one. The answer's model error on held-out data is that of the first
-    diagnosis. Raises UsageError if a diagnosis used recordings of another rig, RecordingError for
-    an incomplete document.
+    diagnosis; None with claims ``own``. Raises UsageError if a diagnosis used recordings of another
+    rig, RecordingError for an incomplete document.
     """
     claims: list[Claim] = []
     flown_on: list[str | None] = []
@@ -153,7 +153,7 @@ def make_answer(
     causes = list({c.name: c for c in reversed(own or claims)}.values())[::-1]
     if any(c.name != NONE for c in causes):
         causes = [c for c in causes if c.name != NONE]
-    gain = next(iter(documents.values()), {}).get("gain", {})
+    gain = {} if own else next(iter(documents.values()), {}).get("gain", {})
     return Answer(
         name=name,
         exercise=exercise,
@@ -188,11 +188,12 @@ def _finding(finding: Mapping[str, Any]) -> Claim:
         if p["value"] is not None:
             value, half = float(p["value"]), None if p["std"] is None else Z95 * float(p["std"])
             sizes[name] = _size(value, half)
+    tied = tuple(finding["tied_with"])
     return Claim(
         name=effect if axis is None else f"{effect}.{axis}",
-        confidence=finding["confidence"],
+        confidence=finding["confidence"] / (1 + len(tied)),  # that one of them acts, shared equally
         parameters=sizes,
-        tied_with=tuple(finding["tied_with"]),
+        tied_with=tied,
     )
 
 
@@ -247,7 +248,7 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
 
 def _statement(text: str, confidence: float | None) -> Claim:
-    match = _STATEMENT.fullmatch(text.strip())
+    match = _STATEMENT.fullmatch(text.strip().replace("−", "-"))  # as heli3dof prints numbers
     try:
         if match is None:
             raise ValueError
