@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from heli3dof.batch.analyses import ANALYSES, Job
+from heli3dof.batch.run_task import run_task
 from heli3dof.batch.task import Task
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from tests.flown import flown
 from tests.paths import ROOT
+from tests.recording.make import write_flight
 
 
 def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
@@ -20,6 +22,15 @@ def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
     assert row["method"] == "pbsid"
     assert row["fit_one_step_roll_percent"] > 70
     assert not any(name.startswith("J_") for name in row)
+
+
+def test_recover_copies_the_intact_part_of_a_file_with_wrong_bytes(tmp_path: Path) -> None:
+    path = write_flight(tmp_path / "a.mcap", 500)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    row = run_task(Task.new("recover", "a", {}, None, source=str(path))).row
+    assert (row["exit_code"], row["torn"], row["chunks_damaged"]) == (0, True, 1)
 
 
 def test_identify_fits_no_bad_data(tmp_path: Path) -> None:
