@@ -141,6 +141,15 @@ def test_recordings_of_two_rigs_are_not_fitted_together(flown: h3.Recording) -> 
                 fit(**given)
 
 
+def test_recordings_of_two_serial_numbers_are_not_fitted_together(flown: h3.Recording) -> None:
+    one, other, emulated = (
+        replace(flown, meta={"identity": {"serial": s}}) for s in ("ex-1", "ex-2", "mock-3")
+    )
+    for fit in (h3.identify, h3.diagnose):
+        with pytest.raises(h3.UsageError, match=r"another rig .*: serial numbers ex-2 and ex-1"):
+            fit([one, emulated], holdout=other)
+
+
 def test_the_file_of_a_model_in_a_document_is_no_model(flown: h3.Recording) -> None:
     found = h3.diagnose(first_part_of_a_still_rig(), quick=True)
     assert h3.diagnosis_document(found, model_file="m.json")["model"] == "m.json"

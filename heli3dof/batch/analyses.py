@@ -221,13 +221,17 @@ def _hover_voltage(model: Model) -> dict[str, float] | None:
 
 
 def _identify_columns(document: Document) -> Row:
+    """Return the columns of an identification.
+
+    An ``absent`` parameter has the value at which its effect vanishes, and its standard deviation.
+    """
     if not document["models"]:
         return {"faults": ";".join(document["faults"])}
     model = document["models"][0]
     parameters = model.get("parameters", {})
-    # A bound is no estimate: without a standard deviation, `fleet` leaves the value out.
     estimated = {
-        n: {**p, "std": None} if n in document["absent"] else p for n, p in parameters.items()
+        n: {**p, "value": p["nominal"]} if n in document["absent"] else p
+        for n, p in parameters.items()
     }
     fits = {
         f"fit_{horizon}_{axis}_percent": fit.get(horizon)
@@ -236,6 +240,7 @@ def _identify_columns(document: Document) -> Row:
     }
     return {
         "faults": ";".join(document["faults"]),
+        "absent": ";".join(document["absent"]),
         "model": model["file"],
         "method": model["method"],
         "order": model["order"],

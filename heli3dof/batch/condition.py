@@ -2,8 +2,9 @@
 
 The condition may contain the names in `recording_columns.COLUMNS` (the results table's first
 columns), numbers and texts in quotes. Operators are ``= != < <= > >= in``, ``and``, ``or``, ``not``
-and parentheses. simpleeval evaluates the condition, restricted to these elements. If a recording
-has no value in a column, every comparison with this column is false, except ``!=``.
+and parentheses. ``in`` finds a value in a list, ``rig in ("K1", "K2")``, or a part of a column's
+text, ``"rich" in plan``. simpleeval evaluates the condition, restricted to these elements. If a
+recording has no value in a column, every comparison with this column is false, except ``!=``.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import tokenize
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from heli3dof.batch.results_table import TEXTS
 from heli3dof.errors import UsageError, did_you_mean
 
 SYNTAX = (
     ast.Expression, ast.BoolOp, ast.And, ast.Or, ast.UnaryOp, ast.Not, ast.USub, ast.Compare,
     ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.In, ast.NotIn, ast.Name, ast.Load,
-    ast.Constant,
+    ast.Constant, ast.Tuple, ast.List,
 )  # fmt: skip
 
 
@@ -70,7 +72,40 @@ def checked(text: str, columns: Mapping[str, str]) -> str:
                 cause=f"{quoted}; {did_you_mean(node.id, columns)}",
                 fix="""--where 'rig="K1" and plan="rich"'""",
             )
+    compared = list[ast.expr]()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            for one, relation, other in zip(sides, node.ops, sides[1:], strict=False):
+                _check_comparison(text, one, relation, other)
+            compared += node.comparators
+    if any(isinstance(n, ast.Tuple | ast.List) and n not in compared for n in ast.walk(tree)):
+        raise _faulty(text, "a list stands only after 'in'")
     return expression
+
+
+def _check_comparison(text: str, one: ast.expr, relation: ast.cmpop, other: ast.expr) -> None:
+    """Raise UsageError for a number compared with a text, and for a wrong side of ``in``.
+
+    ``one`` and ``other`` are the sides of a comparison in the condition ``text``.
+    """
+    parts = other.elts if (is_list := isinstance(other, ast.Tuple | ast.List)) else [other]
+    if {True, False} <= {_is_text(side) for side in (one, *parts)}:
+        raise _faulty(text, "it compares a number with a text")
+    is_in = isinstance(relation, ast.In | ast.NotIn)
+    if is_list != is_in and not (is_in and isinstance(other, ast.Name) and _is_text(other)):
+        raise _faulty(
+            text, """'in' is followed by a list, rig in ("K1", "K2"), or by a column, "K" in rig"""
+        )
+
+
+def _is_text(side: ast.expr) -> bool | None:
+    """Return True for a text or a column of texts, False for a number; None if unknown."""
+    if isinstance(side, ast.Name):
+        return side.id in (*TEXTS, "source")
+    if isinstance(side, ast.Constant):
+        return None if side.value is None else isinstance(side.value, str)
+    return False if isinstance(side, ast.UnaryOp) else None
 
 
 def holds(expression: str, row: Mapping[str, Any]) -> bool:
@@ -81,9 +116,10 @@ def holds(expression: str, row: Mapping[str, Any]) -> bool:
     >>> holds('rig=="K1" and duration_s>30', {"rig": "K1", "duration_s": None})
     False
     """
-    from simpleeval import SimpleEval
+    from simpleeval import EvalWithCompoundTypes
 
-    return bool(SimpleEval(operators=OPERATORS, functions={}, names=dict(row)).eval(expression))
+    evaluation = EvalWithCompoundTypes(operators=OPERATORS, functions={}, names=dict(row))
+    return bool(evaluation.eval(expression))
 
 
 def _with_double_equals(text: str) -> str:

@@ -19,7 +19,7 @@ from heli3dof.recording.atomic_write import write_file
 CSV, PARQUET = "results.csv", "results.parquet"
 TEXTS = (
     "recording", "name", "rig", "serial", "started_utc", "plan", "outcome", "error", "faults",
-    "digest",
+    "digest", "absent",
 )  # fmt: skip
 """Columns whose values stay text even if they look like numbers, such as the rig name 7"""
 Row = Mapping[str, Any]

@@ -23,7 +23,7 @@ from heli3dof.batch.condition import holds
 from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
 from heli3dof.batch.task import Outcome, Task, is_final
-from heli3dof.errors import Heli3dofError, quoted
+from heli3dof.errors import Heli3dofError, RecordingError, quoted
 from heli3dof.file_kind import no_file
 from heli3dof.json_values import jsonable
 from heli3dof.recording.mcap_files.mcap_scan import refuse_stream
@@ -100,7 +100,7 @@ def _local(task: Task, folder: Path) -> Path | None:
         path = Path(task.source)
         refuse_stream(path)
         if not path.is_file():
-            raise no_file(path)
+            raise no_file(path, "recording", RecordingError)
         return path
     path = folder / source.file_name
     path.write_bytes(source.read() if task.content is None else task.content)

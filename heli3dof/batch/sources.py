@@ -87,7 +87,7 @@ class Source:
                 raise RecordingError(
                     f"There is no file {self.where}.", cause="a typing error in the URL."
                 ) from None
-            raise no_file(Path(self.where)) from None
+            raise no_file(Path(self.where), "recording", RecordingError) from None
         except OSError as error:
             raise RecordingError(
                 f"{self.where} cannot be read: {error.strerror or error}.",
@@ -99,8 +99,9 @@ def find(words: Sequence[str]) -> list[Source]:
     """Return the recordings that the command's arguments ``words`` name, without duplicates.
 
     They are in the order of the arguments; those of one folder or pattern are sorted by path. A
-    file given by its own path need not exist: its row of the results table then states the error.
-    Raises UsageError for a folder, pattern or list without any recording.
+    file given by its own path, with a recording's ending, need not exist: its row of the results
+    table then states the error. Raises UsageError for a folder, pattern or list without any
+    recording.
     """
     found = dict.fromkeys(each for word in words for each in _expanded(word))
     return [Source(each) for each in found]
@@ -121,7 +122,8 @@ def _expanded(word: str) -> list[str]:
         return _not_empty(sorted(map(str, _in_folder(Path(word)))), word, "folder")
     if glob.has_magic(word) and not Path(word).exists():
         return _not_empty(sorted(glob.glob(word, recursive=True)), word, "pattern")
-    return [word]
+    is_file = Path(word).exists() or word.lower().endswith((".mcap", *endings()))
+    return [word] if is_file else _not_empty([], word, "folder")
 
 
 def _lines(word: str) -> Iterable[str]:

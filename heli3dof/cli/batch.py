@@ -21,7 +21,7 @@ from heli3dof.cli.options import (
     rig_profile,
 )
 from heli3dof.cli.output import Output, add_family, live_allowed, verb
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, quoted
 
 if TYPE_CHECKING:
     from heli3dof.batch.bootstrap import NamedShare
@@ -227,6 +227,14 @@ def _run(
     used = log_profile(profile)
     condition = checked(where, COLUMNS) if where else ""
     sources = find(words)
+    files = [Path(source.where) for source in sources if not source.is_url]
+    folders = [*map(Path, words), *(file.parent for file in files)]
+    if not resume and output.resolve() in [folder.resolve() for folder in folders]:
+        raise UsageError(
+            f"{output} is the folder of the recordings.",
+            cause="-o names the folder of the results, which would mix with the recordings.",
+            fix=f"-o {quoted(f'{output.resolve().name}-{name}')}",
+        )
     with out.working(f"Reading {len(sources)} recordings …"):
         tasks = list(tasks_of(name, sources, options, used, condition))
     run_tasks(tasks, output, resume, workers, cluster, out)

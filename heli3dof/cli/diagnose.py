@@ -78,6 +78,8 @@ def diagnose(
     inputs = [*recordings, *(holdout or [])]
     check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)
     check_ending(output or name, ".json")
+    if report is not None:
+        check_ending(report, ".html")
     train, faults = _load(out, recordings, profile)
     test, test_faults = _load(out, holdout or [], profile)
     if faults or test_faults:

@@ -46,10 +46,11 @@ def fleet(
     from heli3dof.batch import results_table
     from heli3dof.fleet.analyse import analyse
     from heli3dof.fleet.tracks import read_rows
-    from heli3dof.recording.atomic_write import check_outputs
+    from heli3dof.recording.atomic_write import check_ending, check_outputs
 
     if output is not None:
         check_outputs(output, force=force, inputs=[folder / results_table.CSV])
+        check_ending(output, ".html")
     rows = read_rows(folder)
     with out.working("Searching for changes …"):
         found = analyse(rows)

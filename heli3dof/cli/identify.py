@@ -72,6 +72,8 @@ def identify(
     path = output or default_output(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     check_ending(path, ".json")
+    if report is not None:
+        check_ending(report, ".html")
     train = load_all(out, recordings, profile)
     test = load_all(out, holdout or [], profile)
     with stages(out) as stage:

@@ -40,13 +40,14 @@ def report(
     from heli3dof.comparison.verdict import verdict
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
-    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
+    from heli3dof.recording.atomic_write import check_ending, check_outputs, default_output, stem
     from heli3dof.report.pages.flight_report import flight_report
     from heli3dof.report.pages.html import write_page
     from heli3dof.rig.profile import default_profile
 
     path = output or default_output(Path(f"{stem(recordings[0])}-report.html"), force=force)
     check_outputs(path, force=force, inputs=recordings)
+    check_ending(path, ".html")
     loaded = load_all(out, recordings, profile)
     names = models or ["hover"]
     paper = paper or are_supplied(loaded)

@@ -20,14 +20,15 @@ def register(app: typer.Typer) -> None:
 def run_step(
     out: Output,
     roll: Annotated[
-        float | None,
+        list[float] | None,
         typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees."),
     ] = None,
     pitch: Annotated[
-        float | None, typer.Option("--pitch", help="Step to this pitch angle, degrees.")
+        list[float] | None, typer.Option("--pitch", help="Step to this pitch angle, degrees.")
     ] = None,
     yaw: Annotated[
-        float | None, typer.Option("--yaw", "--travel", help="Step to this yaw angle, degrees.")
+        list[float] | None,
+        typer.Option("--yaw", "--travel", help="Step to this yaw angle, degrees."),
     ] = None,
     settle: Annotated[
         float, typer.Option("--settle", min=0, help="Seconds to take off and level first.")
@@ -43,12 +44,20 @@ def run_step(
     """Fly a step in closed loop and record it: heli3dof run-step --roll 10."""
     from heli3dof.experiment.plan import step_plan
 
-    if roll is None and pitch is None and yaw is None:
+    targets = [each or [] for each in (roll, pitch, yaw)]
+    if any(len(each) > 1 for each in targets):
+        raise UsageError(
+            "run-step steps each axis to one angle, but an axis has two.",
+            cause="--elevation is another name of --roll, and --travel of --yaw.",
+            fix="give each axis once; heli3dof run PLAN.toml flies several steps",
+        )
+    if not any(targets):
         raise UsageError(
             "run-step needs the angle to step to.",
             cause="none of --roll, --pitch and --yaw was given.",
             fix="heli3dof run-step --roll 10",
         )
-    plan = step_plan((roll, pitch, yaw), settle_s=settle, duration_s=duration)
+    one, two, three = (each[0] if each else None for each in targets)
+    plan = step_plan((one, two, three), settle_s=settle, duration_s=duration)
     rig = rig_profile(profile).with_controller()
     fly(out, plan, device, rig, output, force, seed, dry_run)

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from heli3dof.axes import AXES
+from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import RecordingError, UsageError, quoted
 from heli3dof.exercise.levels import UNMODELLED
 from heli3dof.model.effects import term
@@ -122,8 +122,8 @@ def make_answer(
     ``name`` is the student's name. ``diagnoses``: file name → content of ``diagnose --json``. Of
     several claims for the same effect, the first is kept. The claim `NONE` (no hidden effect) is
     kept only if it is the only one. The answer's model error on held-out data is that of the first
-    diagnosis. Raises UsageError if a diagnosis used recordings of another rig, RecordingError for
-    an incomplete document.
+    diagnosis; None with claims ``own``. Raises UsageError if a diagnosis used recordings of another
+    rig, RecordingError for an incomplete document.
     """
     claims: list[Claim] = []
     flown_on: list[str | None] = []
@@ -153,7 +153,7 @@ def make_answer(
     causes = list({c.name: c for c in reversed(own or claims)}.values())[::-1]
     if any(c.name != NONE for c in causes):
         causes = [c for c in causes if c.name != NONE]
-    gain = next(iter(documents.values()), {}).get("gain", {})
+    gain = {} if own else next(iter(documents.values()), {}).get("gain", {})
     return Answer(
         name=name,
         exercise=exercise,
@@ -188,11 +188,12 @@ def _finding(finding: Mapping[str, Any]) -> Claim:
         if p["value"] is not None:
             value, half = float(p["value"]), None if p["std"] is None else Z95 * float(p["std"])
             sizes[name] = _size(value, half)
+    tied = tuple(finding["tied_with"])
     return Claim(
         name=effect if axis is None else f"{effect}.{axis}",
-        confidence=finding["confidence"],
+        confidence=finding["confidence"] / (1 + len(tied)),  # that one of them acts, shared equally
         parameters=sizes,
-        tied_with=tuple(finding["tied_with"]),
+        tied_with=tied,
     )
 
 
@@ -247,11 +248,11 @@ def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]
 
 
 def _statement(text: str, confidence: float | None) -> Claim:
-    match = _STATEMENT.fullmatch(text.strip())
+    match = _STATEMENT.fullmatch(text.strip().replace("−", "-"))  # as heli3dof prints numbers
     try:
         if match is None:
             raise ValueError
-        name, value, half = match[1].strip(), match[2], match[3]
+        name, value, half = _effect_name(match[1].strip()), match[2], match[3]
         if half is not None and float(half) < 0:
             raise ValueError
         sizes = _claimed_sizes(name, value, half)
@@ -264,17 +265,27 @@ def _statement(text: str, confidence: float | None) -> Claim:
         ) from error
 
 
+def _effect_name(text: str) -> str:
+    """Return the name of a claim with roll and yaw for the axes elevation and travel.
+
+    Raises UsageError if the catalogue has no such effect.
+    """
+    head, _, axis = text.rpartition(".")
+    if head == UNMODELLED and ALIASES.get(axis, axis) in AXES:
+        return f"{head}.{ALIASES.get(axis, axis)}"
+    return text if text == NONE else term(text).name
+
+
 def _claimed_sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
     """Return the claimed size of an effect: {name of the effect's first parameter: size}.
 
     ``name``: the effect. ``value``: the claimed value of its first parameter, as text. If it is
     None, the result is {}. ``half``: half the width of the value's 95 % interval, as text.
 
-    Raises UsageError if the name is unknown. Raises UsageError if there is a value, but the claim
-    is no effect with a parameter (`NONE`, `UNMODELLED`). Raises ValueError if a text is not a
-    number.
+    Raises UsageError if there is a value, but the claim is no effect with a parameter (`NONE`,
+    `UNMODELLED`). Raises ValueError if a text is not a number.
     """
-    if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
+    if name == NONE or name.startswith(f"{UNMODELLED}."):
         if value is not None:
             raise UsageError(
                 f"--cause {name} has no size.",

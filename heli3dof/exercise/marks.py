@@ -71,7 +71,7 @@ def mark(answer: Answer, truth: Truth) -> Mark:
     wrong: list[Claim] = []
     sizes: list[SizeMark] = []
     brier = 0.0
-    for claim in answer.causes:
+    for claim in (c for c in answer.causes if c.name == NONE or c.confidence != 0):
         found = next((n for n in open_causes if claim.name in right_names(n)), None)
         is_right = found is not None or (claim.name == NONE and not truth.causes)
         confidence = 1.0 if claim.confidence is None else claim.confidence

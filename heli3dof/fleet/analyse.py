@@ -74,9 +74,8 @@ def _rig_quantity(
     deviating flights (single outliers). Of the remaining flights, it uses those with the flight
     plan ``plan``. If there are none, it uses those with the most frequent plan.
     """
-    changes = find_changes(
-        track.t, track.y, track.s, track_prior(quantities), track.plans, variance_prior(siblings)
-    )
+    prior, of_variance = track_prior(quantities), variance_prior(siblings)
+    changes = find_changes(track.t, track.y, track.s, prior, track.plans, of_variance, track.hidden)
     start = max((c.first for c in changes if c.kind == "step"), default=0)
     deviating = [c.first for c in changes if c.kind == "deviating"]
     since = np.setdiff1d(np.arange(start, len(track.y)), deviating)
@@ -84,5 +83,5 @@ def _rig_quantity(
     own = plan if plan in plans else str(plans[counts.argmax()])
     present = since[track.plans[since] == own]
     s = np.zeros_like(track.y) if track.s is None else track.s
-    estimate = random_effects(track.y[present], s[present])
+    estimate = random_effects(track.y[present], s[present], track.hidden[present])
     return RigQuantity(track, changes, own, present, estimate, None)

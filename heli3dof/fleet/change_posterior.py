@@ -40,6 +40,10 @@ weights wᵢ. With Sxx = Σwᵢx′ᵢ², Sxy = Σwᵢx′ᵢy′ᵢ and Syy = �
     δ | x, a, g, d, y ~ Student t with ν + d degrees of freedom, mean B·Sxy,
                         scale² B·(R + dφ₀²)/(ν + d)
 
+An estimate at the bound of an absent effect (a lag of 0) has lost its scatter: its true deviation
+from the level has the variance hᵢ = sᵢ². R then contains Σwᵢhᵢ, the expected sum of the lost
+squares. Elsewhere, hᵢ = 0.
+
 A step at a change of plan has Sxx = 0: the flights cannot distinguish the step from the plan.
 
 The model without a change has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx
@@ -132,6 +136,7 @@ class ChangePosterior:
 def change_posterior(
     y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior,
     plans: np.ndarray | None = None, variance_prior: VariancePrior | None = None,
+    hidden: FloatArray | float = 0.0,
 ) -> ChangePosterior:  # fmt: skip
     """Return the posterior of all changes of a quantity that are possible in n flights of one rig.
 
@@ -142,6 +147,7 @@ def change_posterior(
 
     φ² is the variance of the value from a flight whose ``s`` is the median. It is unknown, so only
     the ratios of the ``s`` matter. ``variance_prior``: the prior of φ²; None: p(φ) ∝ 1/φ.
+    ``hidden`` (n,): the variances hᵢ.
     """
     from scipy.special import gammaln, logsumexp
 
@@ -178,6 +184,7 @@ def change_posterior(
         + np.log([UNLIKE, 1 - UNLIKE])[:, None, None, None]
     )  # fmt: skip
     evidence = 0.5 * (np.log(w).sum(axis=1) - np.log(sum_w).sum(axis=1))[:, None]  # (a, 1)
+    known = known + (w @ np.broadcast_to(hidden, n))[:, None]  # (d, 1, a, 1): dφ₀² + Σwᵢhᵢ
     left = {  # R + dφ₀²
         kind: s_yy[:, None] * np.maximum(1 - gain[kind] / s_yy[:, None], 1e-12) + known
         for kind in KINDS

@@ -98,16 +98,19 @@ def _scaled(prior: Prior, factor: float) -> Prior:
 def find_changes(
     t: FloatArray, y: FloatArray, s: FloatArray | None, prior: Prior,
     plans: np.ndarray | None = None, variance_prior: VariancePrior | None = None,
+    hidden: FloatArray | None = None,
 ) -> tuple[Change, ...]:  # fmt: skip
     """Return the changes in n flights: steps and drifts in order of time, then deviating flights.
 
     ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. If ``s`` is None, the
     values need not be normally distributed, so the search uses their normal scores. ``plans`` (n,):
     the flight plan of each flight; None: all have the same plan. ``variance_prior``: prior of the
-    variance from flight to flight, estimated from the fleet's other rigs.
+    variance from flight to flight, estimated from the fleet's other rigs. ``hidden`` (n,): hᵢ in
+    `change_posterior`; None: 0.
     """
+    hidden = np.zeros_like(y) if hidden is None else hidden
     plans = np.zeros(len(y), int) if plans is None else plans
-    series = _Series(t, y, s, prior, plans, variance_prior)
+    series = _Series(t, y, s, prior, plans, variance_prior, hidden)
     deviating = list(_clear_outliers(series))
     kept = np.setdiff1d(np.arange(len(y)), [c.first for c in deviating])
     while True:
@@ -132,6 +135,7 @@ class _Series:
     prior: Prior
     plans: np.ndarray
     variance_prior: VariancePrior | None
+    hidden: FloatArray
 
     def is_searchable(self, flights: np.ndarray) -> bool:
         """Return True if ``flights`` are enough to search them for changes.
@@ -150,7 +154,8 @@ class _Series:
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = _scaled(self.prior, len(flights) / len(self.y))
         if self.s is not None:
-            return change_posterior(y, self.s[flights], t, prior, plans, self.variance_prior)
+            s, hidden = self.s[flights], self.hidden[flights]
+            return change_posterior(y, s, t, prior, plans, self.variance_prior, hidden)
         equal = np.ones(len(y))
         by_rank = change_posterior(normal_scores(y), equal, t, prior, plans)
         sized = change_posterior(y, equal, t, prior, plans)

@@ -54,10 +54,11 @@ class Estimate:
         return self.value - half, self.value + half
 
 
-def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
+def random_effects(y: FloatArray, s: FloatArray, hidden: FloatArray | None = None) -> Estimate:
     """Return the estimate of a quantity from values ``y`` (n,) with standard deviations ``s`` (n,).
 
     s = 0 means that the error of a measurement is unknown. This error then counts as scatter.
+    ``hidden`` (n,): variances hᵢ, as in `change_posterior`. They add Σwᵢhᵢ to Q in the interval.
     """
     n = len(y)
     if n == 1:
@@ -66,7 +67,7 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
     variance = scatter_variance(y, s)
     w = _weights(s, variance)
     value = float(y[0] + w @ (y - y[0]) / w.sum())  # exact if all y are equal
-    q = float(w @ (y - value) ** 2) / (n - 1)
+    q = float(w @ ((y - value) ** 2 + (0.0 if hidden is None else hidden))) / (n - 1)
     return Estimate(n, value, sqrt(q / w.sum()), sqrt(variance))
 
 

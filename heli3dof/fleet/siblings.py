@@ -6,8 +6,9 @@ Under the hypothesis that rig r does not differ from them::
 
     z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − V, 0)) ~ Student t with R − 2 degrees of freedom
 
-S² contains both the scatter between rigs and V. If all rigs have equally many flights, the
-distribution is exact for normal values. A rig with fewer flights has a larger standard error. The
+S² contains both the scatter between rigs and V. It is raised to V where it is
+smaller. If all rigs have equally many flights, the distribution is exact for normal values with
+S² ≥ V. A rig with fewer flights has a larger standard error. The
 term max(vᵣ² − V, 0) allows for this excess variance.
 
 The p-value of z is multiplied by the number of rigs and by the number of quantities (Bonferroni).
@@ -94,8 +95,8 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
     rig, others = rigs[name], [e for other, e in rigs.items() if other != name]
     values, errors = (np.array([getattr(e, key) for e in others]) for key in ("value", "std"))
     n = len(others)
-    variance = float(values.var(ddof=1)) * (1 + 1 / n)
-    variance += max(rig.std**2 - float(np.mean(errors**2)), 0.0)
+    error = float(np.mean(errors**2))
+    variance = max(float(values.var(ddof=1)), error) * (1 + 1 / n) + max(rig.std**2 - error, 0.0)
     size, std = rig.value - float(values.mean()), sqrt(variance)
     if std == 0:  # equal values, such as a share of lost samples that is always 0
         return Difference(name, size, 0.0, 1.0)

@@ -63,8 +63,15 @@ class Track:
     """(n,) names of the flight plans; empty for a flight without a plan"""
     flights: tuple[str, ...]
     """Names of the recordings"""
+    absent: np.ndarray
+    """(n,) bool: the fit found no effect, so the value is the one without the effect"""
     dated: bool
     """False if the start of any of the rig's flights is unknown, or if all starts are equal"""
+
+    @property
+    def hidden(self) -> FloatArray:
+        """Return (n,): the variance of the estimates that the bound of an absent effect hides."""
+        return np.zeros_like(self.y) if self.s is None else np.where(self.absent, self.s**2, 0.0)
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
@@ -200,6 +207,7 @@ def _track(
         rig, quantity, np.array([float(i) if starts is None else starts[i] for i in kept]),
         y, None if quantity in WITHOUT_STD else s, np.array([_plan(rows[i]) for i in kept]),
         tuple(_name(rows[i]) for i in kept),
+        np.array([quantity in str(rows[i].get("absent")).split(";") for i in kept]),
         starts is not None,
     )  # fmt: skip
 

@@ -47,12 +47,12 @@ def variance_prior(siblings: Sequence[Track]) -> VariancePrior | None:
     """
     from scipy.special import digamma, polygamma
 
-    found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
+    found = [d for d in map(_squares, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
     if len(found) < LEAST_SIBLINGS:
         return None
     n = np.array([len(d) for d in found], dtype=float)
     f = 2 * n**2 / (3 * n - 1)
-    q = np.array([np.mean(d**2) / 2 for d in found])
+    q = np.array([np.mean(d) / 2 for d in found])
     centred = np.log(q) - digamma(f / 2) + np.log(f / 2)
     deviation = MAD_TO_STD * float(np.median(np.abs(centred - np.median(centred))))
     between = deviation**2 - float(np.median(polygamma(1, f / 2)))
@@ -62,12 +62,13 @@ def variance_prior(siblings: Sequence[Track]) -> VariancePrior | None:
     return VariancePrior(float(np.exp(np.median(centred) - shift)), d)
 
 
-def _differences(track: Track) -> np.ndarray:
-    """Return the changes of the track's quantity from one flight to the next.
+def _squares(track: Track) -> np.ndarray:
+    """Return the squared changes of the track's quantity from one flight to the next.
 
-    A change is left out if the two flights have different flight plans.
+    `Track.hidden` is added. A change is left out if the two flights have different flight plans.
     """
-    return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
+    squares = np.diff(track.y) ** 2 + track.hidden[1:] + track.hidden[:-1]
+    return np.asarray(squares[track.plans[1:] == track.plans[:-1]])
 
 
 def _inverse_trigamma(value: float) -> float:

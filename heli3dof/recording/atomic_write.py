@@ -16,7 +16,7 @@ from typing import BinaryIO
 from heli3dof.errors import OutputExists, UsageError, quoted
 from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
-FORMATS = (".json", ".rrd", ".toml", ".xml")
+FORMATS = (".html", ".json", ".pdf", ".png", ".rrd", ".svg", ".toml", ".xml")
 """Endings of the formats that heli3dof writes, in addition to those of the importers"""
 
 
@@ -92,20 +92,20 @@ def check_outputs(*outputs: Path | None, force: bool, inputs: Iterable[Path] = (
 def check_ending(path: Path, ending: str) -> None:
     """Raise UsageError if the name of a file in the format ``ending`` has another format's ending.
 
-    heli3dof reads a file by the ending of its name, so it could not read this one. Any other name
-    is permitted.
+    heli3dof and other programs read a file by the ending of its name, so they could not read this
+    one. Any other name is permitted.
     """
     from heli3dof.recording.logs.importers import endings
 
     others = {*endings(), *FORMATS} - {ending}
     wrong = next((e for e in others if path.name.lower().endswith(e)), None)
     if wrong is not None and not path.name.lower().endswith(ending):
-        name = quoted(stem(path) + ending)
+        name = quoted(path.name[: -len(wrong)] + ending)
         raise UsageError(
             f"{path} would be a {ending} file, but its name ends in {wrong}.",
             cause="the output was given the name of a file of another format.",
             fix=f"the name {name}"
-            if ending == ".toml"
+            if ending in (".html", ".toml")
             else f"-o {name}, then heli3dof export {name}; in Python the function export",
         )
 

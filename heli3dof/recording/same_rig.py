@@ -1,4 +1,4 @@
-"""Compare the rigs that profiles describe: one model cannot describe two rigs.
+"""Compare the rigs that profiles and serial numbers describe: one model cannot describe two rigs.
 
 `check_same_rig` refuses recordings of different rigs. `differing_numbers` describes the difference
 of two profiles as text.
@@ -6,7 +6,7 @@ of two profiles as text.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
@@ -17,9 +17,17 @@ from heli3dof.rig.profile import Profile
 def check_same_rig(recordings: Sequence[Recording]) -> None:
     """Raise UsageError if the recordings' profiles describe different rigs.
 
-    Geometry, masses, inertias, thrust gain and encoder counts identify a rig. Controller, limits
-    and rest angles may differ.
+    Geometry, masses, inertias, thrust gain, encoder counts and the device's serial number identify
+    a rig. Controller, limits and rest angles may differ.
     """
+    serials = {serial: r.name for r in reversed(recordings) if (serial := _serial(r))}
+    if len(serials) > 1:
+        (other, its_name), *_, (first, name) = serials.items()
+        raise UsageError(
+            f"{its_name} is of another rig than {name}: serial numbers {other} and {first}.",
+            cause="flights of two rigs were given, or its electronics were exchanged in between.",
+            fix="give flights of one rig",
+        )
     for r in recordings[1:]:
         if differing := differing_numbers(r.profile, recordings[0].profile):
             raise UsageError(
@@ -46,6 +54,13 @@ def differing_numbers(one: Profile | None, other: Profile) -> str:
     key, *further = differing
     more = f" (and {len(further)} more)" if further else ""
     return f"{key} = {numbers[key]:g} and {others[key]:g} in their profiles{more}"
+
+
+def _serial(r: Recording) -> str | None:
+    """Return the device's serial number; None if unknown, or that of an emulated rig (its seed)."""
+    identity = r.meta.get("identity")
+    serial = identity.get("serial") if isinstance(identity, Mapping) else None
+    return None if str(serial).startswith("mock-") else serial
 
 
 def _rig_numbers(p: Profile) -> dict[str, float]:

@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from heli3dof.batch.analyses import ANALYSES, Job
+from heli3dof.batch.run_task import run_task
 from heli3dof.batch.task import Task
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from tests.flown import flown
 from tests.paths import ROOT
+from tests.recording.make import write_flight
 
 
 def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
@@ -22,6 +24,15 @@ def test_a_black_box_gives_its_fits_and_no_parameters(tmp_path: Path) -> None:
     assert not any(name.startswith("J_") for name in row)
 
 
+def test_recover_copies_the_intact_part_of_a_file_with_wrong_bytes(tmp_path: Path) -> None:
+    path = write_flight(tmp_path / "a.mcap", 500)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    row = run_task(Task.new("recover", "a", {}, None, source=str(path))).row
+    assert (row["exit_code"], row["torn"], row["chunks_damaged"]) == (0, True, 1)
+
+
 def test_identify_fits_no_bad_data(tmp_path: Path) -> None:
     """The row names the check, and no parameters."""
     r = read_recording(ROOT / "recordings" / "train-1.mcap")
@@ -31,13 +42,15 @@ def test_identify_fits_no_bad_data(tmp_path: Path) -> None:
     assert row == {"faults": "encoder.sign"}
 
 
-def test_a_parameter_at_the_bound_of_no_effect_has_no_standard_deviation(tmp_path: Path) -> None:
-    """So `fleet` does not compare rigs by a bound. The simulated rig has no motor lag."""
+def test_a_parameter_at_the_bound_of_no_effect_is_zero_within_its_error(tmp_path: Path) -> None:
+    """So `fleet` finds a lag that appears. The simulated rig has no motor lag."""
     path = write_recording(flown("rich", 20.0, device="mock:?speed=max"), tmp_path / "no-lag.mcap")
     options = {"terms": ["motor.lag", "friction.viscous.yaw"]}
     job = Job(Task.new("identify", "a", options, None), path, tmp_path)
     document = ANALYSES["identify"].run(job)
     row = ANALYSES["identify"].columns(document)
     assert document["absent"] == ["motor.lag.time_constant_s"]
-    assert row["motor.lag.time_constant_s_std"] is None
+    assert row["absent"] == "motor.lag.time_constant_s"
+    assert row["motor.lag.time_constant_s"] == 0
+    assert row["motor.lag.time_constant_s_std"] > 0
     assert row["friction.viscous.yaw.damping_Nms_per_rad_std"] > 0

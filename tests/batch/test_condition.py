@@ -21,6 +21,9 @@ ROW = {"rig": "K1", "plan": "rich", "duration_s": 63.0, "late_share": None}
         ('rig="K2" or duration_s > 60', True),
         ('not plan="rich"', False),
         ('"ri" in plan', True),
+        ('rig in ("K1", "K2") and plan not in ["steps"]', True),
+        ('rig in ("K10", "K2")', False),
+        ("duration_s in (62, -63)", False),
         ("duration_s >= 63 and duration_s <= 63", True),
         ("duration_s != 63", False),
         ("late_share < 0.1", False),
@@ -47,6 +50,12 @@ def test_a_text_in_quotes_is_compared_as_it_is(name: str) -> None:
         ("__import__('os').system('ls')", "is not allowed"),
         ("[x for x in rig]", "is not allowed"),
         ("rig.upper() = 'K1'", "is not allowed"),
+        ('rig in "K10"', "'in' is followed by a list"),
+        ('rig = ("K1", "K2")', "'in' is followed by a list"),
+        ('rig = "K1", "K2"', "a list stands only after 'in'"),
+        ("duration_s > '30'", "compares a number with a text"),
+        ("started_utc > 2026", "compares a number with a text"),
+        ('rig in ("K1", 2)', "compares a number with a text"),
     ],
 )
 def test_a_faulty_condition_is_explained(text: str, message: str) -> None:

@@ -60,7 +60,7 @@ def test_a_word_without_recordings_is_an_error(word: str, tmp_path: Path) -> Non
 def test_a_named_file_that_is_missing_gets_its_row_later(tmp_path: Path) -> None:
     source = find([str(tmp_path / "missing.mcap")])[0]
     assert source.fingerprint() == ""
-    with pytest.raises(UsageError, match="There is no file"):
+    with pytest.raises(RecordingError, match="There is no recording"):
         source.read()
 
 

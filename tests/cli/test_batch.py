@@ -64,10 +64,26 @@ def test_mistakes_are_found_before_any_work(term: Path, tmp_path: Path) -> None:
         ("compare", term, "--model", "hoover"),
         ("info", term, "--cluster", "tcp://127.0.0.1:1", "--workers", 2),
         ("info", tmp_path / "nothing*.mcap"),
+        ("info", tmp_path / "nofolder"),
     ):
         failed = heli3dof("batch", *words, "-o", out)
         assert failed.code == 2, words
         assert not (out / "results.csv").exists()
+
+
+def test_results_do_not_mix_with_recordings(term: Path) -> None:
+    before = sorted(term.iterdir())
+    for words in ((term,), (term / "flight-0.mcap",)):
+        failed = heli3dof("batch", "info", *words, "-o", term)
+        assert (failed.code, sorted(term.iterdir())) == (2, before)
+        assert "is the folder of the recordings" in failed.err
+
+
+def test_a_missing_recording_has_the_exit_code_of_an_unusable_one(term: Path) -> None:
+    out = term.parent / "out"
+    words = (term / "flight-0.mcap", term / "flight-9.mcap")
+    assert heli3dof("batch", "info", *words, "-o", out, "--workers", 1).code == 0
+    assert [row["exit_code"] for row in read_rows(out)] == [0, 5]
 
 
 def test_a_comparison_has_the_errors_of_each_model(tmp_path: Path) -> None:

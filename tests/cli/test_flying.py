@@ -94,6 +94,7 @@ def test_a_dry_run_opens_and_writes_nothing(
     ("words", "code", "hints"),
     [
         (("run-step",), 2, ["heli3dof run-step --roll 10"]),
+        (("run-step", "--roll", "10", "--elevation", "5"), 2, ["an axis has two"]),
         (("run-step", "--roll", "400"), 2, ["roll 400°", "−32° to 34°"]),
         (("run-step", "--roll", "ten"), 2, ["--roll"]),
         (("run", "stepps"), 2, ["did you mean 'steps'"]),

@@ -14,7 +14,7 @@ from tests.exercise.making import EXERCISE, KEY, diagnosis, exercise_that
 def test_a_diagnosis_gives_causes_intervals_and_the_hold_out_error() -> None:
     made = make_answer("Ada", EXERCISE, (), {"d.json": diagnosis(EXERCISE)})
     friction, unmodelled = made.causes
-    assert (friction.name, friction.confidence) == ("friction.coulomb.yaw", 0.8)
+    assert (friction.name, friction.confidence) == ("friction.coulomb.yaw", 0.8 / 2)  # or viscous
     assert friction.tied_with == ("friction.viscous.yaw",)
     size = friction.parameters["torque_Nm"]
     assert (size.low, size.high) == pytest.approx((0.03 - 0.00196, 0.03 + 0.00196))
@@ -42,6 +42,7 @@ def test_the_students_own_statements_replace_the_diagnosis() -> None:
     made = make_answer("Ada", EXERCISE, own, {"d.json": diagnosis(EXERCISE)})
     assert [c.name for c in made.causes] == ["friction.coulomb.yaw"]
     assert made.causes[0].parameters["torque_Nm"].value == 0.05
+    assert made.holdout_rmse_deg is None  # that of the model with the diagnosis' causes
     none = make_answer("Ada", EXERCISE, statements(["none"], []), {"d": diagnosis(EXERCISE)})
     assert [c.name for c in none.causes] == ["none"]
 
@@ -79,6 +80,24 @@ def test_statements_have_a_value_an_interval_and_a_confidence() -> None:
     assert inertia.parameters["ratio"].high == pytest.approx(1.3)
     assert (unmodelled.parameters, unmodelled.confidence) == ({}, 0.7)
     assert [c.confidence for c in statements(texts, [0.5])] == [0.5] * 3
+
+
+def test_a_value_that_heli3dof_printed_is_accepted() -> None:
+    (claim,) = statements(["bias.torque.pitch=−0.013±0.002"], [])
+    assert claim.parameters["torque_Nm"].low == pytest.approx(-0.015)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("drag.quadratic.elevation=0.3", "drag.quadratic.roll"),
+        ("unmodelled.travel", "unmodelled.yaw"),
+    ],
+)
+def test_elevation_and_travel_are_roll_and_yaw(text: str, name: str) -> None:
+    assert [c.name for c in statements([text], [])] == [name]
+    with pytest.raises(UsageError, match=f"names {name} twice"):
+        statements([text, name], [])
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,8 @@ def test_claims_of_confidence_0_do_not_improve_the_score() -> None:
     honest = mark(answer(claim(CABLE[0], 0.7)), truth(CABLE)).brier
     many = [claim(f"friction.coulomb.{a}", 0.0) for a in ("roll", "pitch", "yaw")]
     assert mark(answer(claim(CABLE[0], 0.7), *many), truth(CABLE)).brier == honest
+    denied = mark(answer(claim(CABLE[0], 0.0)), truth(CABLE))
+    assert (denied.right, denied.missed, denied.brier) == ((), (CABLE[0],), 1)
 
 
 def test_a_claim_without_a_confidence_is_one_of_certainty() -> None:

@@ -39,7 +39,8 @@ def track_of(y: np.ndarray) -> Track:
     """A track with these values, s = 1, one plan and one flight a day."""
     n = len(y)
     names = tuple(f"flight-{i:02d}" for i in range(n))
-    return Track("r", "q", np.arange(float(n)), y, np.ones(n), np.full(n, "rich"), names, True)
+    one, rich, found = np.ones(n), np.full(n, "rich"), np.zeros(n, bool)
+    return Track("r", "q", np.arange(float(n)), y, one, rich, names, found, True)
 
 
 def room(

@@ -139,6 +139,39 @@ def test_a_rig_that_flies_another_plan_is_not_compared_with_its_siblings() -> No
     assert "rig-01" not in {d.rig for _, d in found.differences()}
 
 
+def lag_rows(rng: np.random.Generator, rigs: int, flights: int) -> list[dict[str, Any]]:
+    """Rows of rigs without motor lag, of which identification finds at least 0 ± 1 ms."""
+    rows = []
+    for rig in range(rigs):
+        for flight, lag in enumerate(1e-3 * rng.normal(size=flights)):
+            rows.append({
+                "recording": f"{rig}-{flight:02d}", "rig": f"rig-{rig}", "exit_code": 0,
+                "absent": f"bias.torque.yaw.torque_Nm;{LAG}" if lag <= 0 else "",
+                LAG: max(lag, 0.0), f"{LAG}_std": 1e-3,
+            })  # fmt: skip
+    return rows
+
+
+LAG = "motor.lag.time_constant_s"
+
+
+def test_a_lag_that_appears_and_a_rig_that_alone_has_one_are_found() -> None:
+    rows = lag_rows(np.random.default_rng(1), 5, 10)
+    late = {**rows[0], "absent": "", LAG: 0.08}
+    appeared = analyse([late | {"recording": r["recording"]} if i > 5 else r
+                        for i, r in enumerate(rows[:10])])  # fmt: skip
+    assert names_of_changes(appeared) == {("rig-0", LAG, "step", 6)}
+    alone = analyse([late | {"recording": r["recording"]} if i < 10 else r
+                     for i, r in enumerate(rows)])  # fmt: skip
+    assert [d.rig for _, d in alone.differences()] == ["rig-0"]
+
+
+def test_a_lag_of_zero_gives_few_false_alarms() -> None:
+    """Bound: one false report in 20 fleets of 5 rigs; without `Track.hidden`, nearly all have."""
+    fleets = [analyse(lag_rows(np.random.default_rng(seed), 5, 8)) for seed in range(20)]
+    assert sum(bool(f.changes() or f.differences()) for f in fleets) <= 1
+
+
 def test_no_usable_recording_is_an_error() -> None:
     rows = [{**r, "exit_code": 5, "error": "torn"} for r in term_rows()]
     with pytest.raises(RecordingError, match="None of the 120") as raised:

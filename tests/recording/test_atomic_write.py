@@ -19,6 +19,7 @@ from heli3dof.recording.atomic_write import (
     reserved,
     stem,
 )
+from tests.cli.running import heli3dof
 
 
 @pytest.mark.parametrize(
@@ -113,6 +114,26 @@ def test_a_recording_or_model_is_not_written_under_another_formats_ending(tmp_pa
     for name in ("m.mat", "m.mcap"):
         with pytest.raises(UsageError, match=r"would be a \.json file"):
             h3.save_model(model, tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("report", "a.mcap", "-o", "r.pdf"),
+        ("identify", "a.mcap", "--report", "r.svg"),
+        ("diagnose", "a.mcap", "--report", "r.CSV"),
+        ("fleet", ".", "-o", "r.png"),
+    ],
+)
+def test_a_page_is_not_written_under_another_formats_ending(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = heli3dof(*words)
+    assert result.code == 2
+    assert "would be a .html file" in result.err
+    assert "the name r.html" in result.err
     assert list(tmp_path.iterdir()) == []
 
 

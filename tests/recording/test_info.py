@@ -67,6 +67,17 @@ def test_a_torn_file_is_summarised_up_to_the_tear(tmp_path: Path) -> None:
     assert about["fix"] == f"heli3dof recover {path}"
 
 
+def test_a_file_with_wrong_bytes_is_summarised_without_their_chunks(tmp_path: Path) -> None:
+    path = write_flight(tmp_path / "a.mcap", 500)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    about = file_info(path)
+    assert about["torn"] is True
+    assert 0 < about["samples"] < 500
+    assert "checksum" in about["damage"]
+
+
 def test_a_file_torn_before_its_first_sample_is_an_error(tmp_path: Path) -> None:
     path = write_flight(tmp_path / "a.mcap", 0)
     path.write_bytes(path.read_bytes()[:-1])

@@ -53,8 +53,6 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
     if unreadable is not None:
         raise unreadable
     try:
-        if not found.intact:
-            raise Damaged("the checksum of its data is wrong")
         form = our_format(found)
         if form is None:
             return import_log(path, profile)
@@ -102,10 +100,12 @@ def open_mcap(path: Path) -> Scan:
 
 
 def broken(path: Path, found: Scan) -> RecordingError | None:
-    """Return the error for an MCAP file with missing or unreadable bytes; None for any other."""
+    """Return the error for an MCAP file with missing or wrong bytes; None for any other."""
     if found.gaps:
         lost = f"{found.bytes_lost} bytes are unreadable, the first at {found.gaps[0][0]}"
         return damaged(path, Damaged(lost), " in the middle")
+    if found.whole and not found.intact:
+        return damaged(path, Damaged("the checksum of its data is wrong"))
     if found.whole:
         return None
     return RecordingError(

@@ -44,7 +44,7 @@ def diagnosis_text(document: Document) -> str:
 
 
 def faults(document: Document) -> list[str]:
-    """Return sentences on faults: those that end the diagnosis, and timing effects such as jitter.
+    """Return sentences on faults: those that end the diagnosis or ended the flight, timing effects.
 
     The list contains no sentence twice. If several recordings have the same timing effect, one
     sentence describes the effect in the first of these recordings, and names the other recordings.
@@ -52,7 +52,7 @@ def faults(document: Document) -> list[str]:
     """
     by_check = dict[str, list[Document]]()
     for f in document.get("integrity", ()):
-        if f["kind"] in ("bad_data", "not_identifiable"):
+        if f["kind"] in ("bad_data", "not_identifiable") or f.get("check") == "flight.tripped":
             by_check[f["sentence"]] = [f]
         elif f["kind"] == "finding":
             by_check.setdefault(name_of(f), []).append(f)

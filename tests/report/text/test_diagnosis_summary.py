@@ -57,6 +57,19 @@ def test_the_confidence_of_confounded_causes_is_that_of_one_of_them() -> None:
     )
 
 
+def test_a_flight_that_a_safety_trip_ended_is_named_before_what_to_fly_next() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    trip = {
+        "check": "flight.tripped", "kind": "note", "recording": "a", "confidence": 0.5,
+        "sentence": "a: the flight was ended for safety after 20 s.",
+        "cause": "the encoder is frozen.", "fix": "heli3dof monitor",
+    }  # fmt: skip
+    document["integrity"] = [trip, {**trip, "check": "motion.small", "sentence": "another note"}]
+    _verdict, note, *others = diagnosis_summary(document)
+    assert note.startswith("Note: Recording a: the flight was ended for safety after 20 s.")
+    assert "another note" not in "".join(others)
+
+
 def test_more_than_four_causes_refer_to_the_tables() -> None:
     document = deepcopy(kept("diagnose.json"))
     first = document["findings"][0]
