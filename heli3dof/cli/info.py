@@ -101,7 +101,8 @@ def _rows(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     rate = f", {1 / timing['period_s']:.4g} Hz" if timing else ""
     start = minus(f", from {about['start_s']:g} s") if about["start_s"] else ""
     closed = about["closed_loop_s"]
-    ramp = "" if closed is None else f" ({closed:.2f} s in closed loop, then ramp to zero)"
+    ended = "then ramp to zero" if about["ramp_s"] else "without a ramp to zero"
+    ramp = "" if closed is None else f" ({closed:.2f} s in closed loop, {ended})"
     length = f"{about['duration_s']:.2f} s{ramp}"
     yield "length", f"{length}, {about['samples']} samples{rate}{start}"
     for axis, angle in about["angles"].items():

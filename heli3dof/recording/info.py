@@ -24,7 +24,7 @@ from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, 
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.motors_cut import motors_cut_warnings
 from heli3dof.recording.recording import Recording
-from heli3dof.recording.row import CLOSED_LOOP
+from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
 from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.profile import Profile
@@ -112,6 +112,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "start_s": float(recording.t[0]) if len(recording) else None,
         "duration_s": recording.duration if len(recording) else 0.0,
         "closed_loop_s": closed_loop_s(recording),
+        "ramp_s": seconds_in(recording, RAMP_DOWN),
         "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
@@ -153,10 +154,18 @@ def flight_warnings(recording: Recording) -> list[str]:
 
 def closed_loop_s(recording: Recording) -> float | None:
     """Return for how long in s a flight's loop was closed; None for an imported recording."""
+    return seconds_in(recording, CLOSED_LOOP)
+
+
+def seconds_in(recording: Recording, which: int) -> float | None:
+    """Return the duration in s of a phase of the flight; None for an imported recording.
+
+    ``which``: `CLOSED_LOOP` or `RAMP_DOWN` (the ramp to zero volts).
+    """
     phase = recording.channels.get("phase")
     if phase is None:
         return None
-    t = recording.t[phase == CLOSED_LOOP]
+    t = recording.t[phase == which]
     return float(t[-1] - t[0]) + recording.profile.dt if len(t) else 0.0
 
 

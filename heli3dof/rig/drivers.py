@@ -59,7 +59,7 @@ def load_driver(scheme: str) -> Driver:
     try:
         factory = known[scheme].load()
         driver: Driver = factory()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise DeviceError(
             f"The driver for {scheme + ':'!r} does not load: {error}",
             cause=f"its package ({known[scheme].value}) is broken or lacks a dependency.",
@@ -116,10 +116,15 @@ def seed_of(url: str) -> int | None:
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
     """Find the connected rigs; yield for each driver (URL scheme, device URLs, error or None)."""
     for scheme in sorted(registered()):
+        urls, problem = list[str](), None
         try:
-            yield scheme, list(load_driver(scheme).find()), None
-        except Exception as error:
-            yield scheme, [], str(error)
+            found = load_driver(scheme).find()
+            if isinstance(found, str):
+                raise TypeError(f"find() returned the text {found!r}, not a sequence of URLs")
+            urls = [parse_url(url).text for url in found]
+        except (Exception, SystemExit) as error:  # a faulty driver hides no other driver's rigs
+            urls, problem = [], str(error)
+        yield scheme, urls, problem
 
 
 MOCK = "mock:"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heli3dof.cli.info import _rows
 from heli3dof.errors import RecordingError
 from heli3dof.recording.info import file_info, summary
 from heli3dof.recording.logs.export import export
@@ -40,7 +41,17 @@ def test_the_time_in_closed_loop_counts_lost_samples_but_not_the_ramp() -> None:
     phase = np.repeat([CLOSED_LOOP, RAMP_DOWN], 500).astype(float)
     made = replace(made, channels={**made.channels, "phase": phase})
     kept = np.r_[0:100, 300:1000]
-    assert summary(made.rows(kept))["closed_loop_s"] == pytest.approx(1.0)
+    about = summary(made.rows(kept))
+    assert about["closed_loop_s"] == pytest.approx(1.0)
+    assert about["ramp_s"] == pytest.approx(1.0)
+    assert "(1.00 s in closed loop, then ramp to zero)" in dict(_rows(about))["length"]
+
+
+def test_a_flight_that_a_kill_ended_has_no_ramp() -> None:
+    made = flight(500)
+    closed = np.full(500, float(CLOSED_LOOP))
+    about = summary(replace(made, channels={**made.channels, "phase": closed}))
+    assert "s in closed loop, without a ramp to zero)" in dict(_rows(about))["length"]
 
 
 def test_gaps_are_counted_and_warnings_shown(tmp_path: Path) -> None:

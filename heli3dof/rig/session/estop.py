@@ -79,7 +79,7 @@ def request_estop(device: str | None, reason: str) -> EstopResult:
         held = {device_name(request.session.device) for request in alive}
         found_now = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
         # A remembered URL replaces a found one: it has the options that the device needs.
-        free = {device_name(u): u for u in (*found_now, *remembered()) if not is_private(u)}
+        free = {device_name(u): u for u in (*found_now, *remembered()) if _may_be_real(u)}
         known: list[str] = []
         for name, url in free.items():
             if name not in held:
@@ -88,6 +88,14 @@ def request_estop(device: str | None, reason: str) -> EstopResult:
     elif not results and not is_private(device):
         results = [_directly(device, start)]
     return EstopResult([s for s in results if s.done], [s for s in results if not s.done], skipped)
+
+
+def _may_be_real(url: str) -> bool:
+    """Return False for an emulated rig; True if the URL's driver cannot be loaded."""
+    try:
+        return not is_private(url)
+    except Heli3dofError:
+        return True
 
 
 def _await(request: Request, start: float) -> Stopped | None:
@@ -145,7 +153,7 @@ def _directly(device: str, start: float) -> Stopped:
         raise
     except Heli3dofError as problem:
         how, done = problem.what, False
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         how, done = f"{type(problem).__name__}: {problem}", False
     return Stopped(device, done, how, time.monotonic() - start, held=False)
 
