@@ -261,23 +261,72 @@ class Limits(Section):
     ] = 5000.0
     duration_max_s: Annotated[Positive, Key("longest flight", "s")] = 600.0
     ramp_down_s: Annotated[
-        Positive, Key("the motors' ramp from hover to zero after a trip or an interrupt", "s")
+        Positive,
+        Key(
+            "ramp from hover to zero after a trip or an interrupt",
+            "s",
+            usual=(0.1, 2.0),
+            plausible=(0.0, 10.0),
+        ),
     ] = 0.5
     landing_s: Annotated[
-        Positive, Key("the motors' ramp from hover to zero at a plan's end", "s")
+        Positive,
+        Key(
+            "ramp from hover to zero at a plan's end",
+            "s",
+            usual=(0.1, 10.0),
+            plausible=(0.0, 60.0),
+        ),
     ] = 3.0
     late_max_s: Annotated[
-        Positive, Key("the safety monitor counts periods later than this", "s")
+        Positive,
+        Key(
+            "longer delays of a period count as late",
+            "s",
+            usual=(0.001, 0.05),
+            plausible=(0.0, 1.0),
+        ),
     ] = 0.01
     late_max_share: Annotated[
-        Positive, Key("a larger share of such periods within a second ends the flight", "–")
+        Positive,
+        Key(
+            "a larger share of late periods ends the flight",
+            "–",
+            usual=(0.05, 0.8),
+            plausible=(0.0, 1.0),
+        ),
     ] = 0.5
     lost_max_s: Annotated[
-        Positive, Key("encoder readings missing for longer end the flight", "s")
+        Positive,
+        Key(
+            "longer gaps of encoder readings end the flight",
+            "s",
+            usual=(0.002, 0.1),
+            plausible=(0.0, 1.0),
+        ),
     ] = 0.05
     saturated_max_s: Annotated[
-        Positive, Key("a motor at its limit for longer ends the flight", "s")
+        Positive,
+        Key(
+            "a motor at its limit for longer ends the flight",
+            "s",
+            usual=(0.1, 10.0),
+            plausible=(0.0, 60.0),
+        ),
     ] = 2.0
+
+    @model_validator(mode="after")
+    def _lowest_below_highest(self, info: ValidationInfo) -> Limits:
+        recorded = info.context is not None and RECORDED in info.context
+        if self.roll_min_deg >= self.roll_max_deg and not recorded:
+            raise PydanticCustomError(
+                "conflict",
+                "limits.roll_min_deg = {low}° is not below limits.roll_max_deg = {high}°: no roll "
+                "angle is permitted",
+                {"low": f"{self.roll_min_deg:g}", "high": f"{self.roll_max_deg:g}",
+                 "slip": "the two are exchanged, or a sign is missing."},
+            )  # fmt: skip
+        return self
 
     @property
     def ranges_deg(self) -> tuple[tuple[float, float], ...]:

@@ -17,7 +17,7 @@ from math import degrees, radians
 from pathlib import Path
 
 from heli3dof.axes import AXES
-from heli3dof.errors import CheckFailed, SafetyTrip
+from heli3dof.errors import CheckFailed, SafetyTrip, UsageError
 from heli3dof.rig.calibration import (
     COUNTS_AT_POWER_UP,
     Calibration,
@@ -123,10 +123,18 @@ def zero(
     variable HELI3DOF_DEVICE. Without this variable, it is the real rig if exactly one is found, and
     the emulated rig if none is found. ``angles_deg``: roll, pitch and yaw at which the rig stands
     now, in degrees; None: the axis's rest angle. ``store``: False stores nothing. Raises UsageError
-    if several rigs are found, DeviceError if the rig cannot be opened or read, SafetyTrip if the
-    rig is armed, and CheckFailed if the rig moves.
+    for an angle outside the profile's limits or if several rigs are found, DeviceError if the rig
+    cannot be opened or read, SafetyTrip if the rig is armed, and CheckFailed if the rig moves.
     """
     device, profile = device or default_device(), profile or default_profile()
+    for axis, angle, (low, high) in zip(AXES, angles_deg, profile.limits.ranges_deg, strict=True):
+        if angle is not None and not low <= angle <= high:
+            raise UsageError(
+                f"The rig cannot stand at {axis} = {angle:g}°: the profile permits {low:g}° to "
+                f"{high:g}°.",
+                cause="a typing error, or the profile's [limits] are too narrow.",
+                fix="heli3dof zero with the angle in degrees at which the rig stands now",
+            )
     with open_rig(device, profile) as rig:
         before, rig.rest = rig.rest, COUNTS_AT_POWER_UP  # raw counts of the device
         measured = calibrate(rig, profile, device, angles_deg, MEASURE_S)

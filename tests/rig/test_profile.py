@@ -93,6 +93,14 @@ def test_a_wrong_key_is_named_with_its_file(tmp_path: Path, change: tuple, words
         (("L_h = 0.1778", "L_h = 177.8"), ["geometry.L_h", "millimetres"]),
         (("m_w = 1.87", "m_w = 1870"), ["mass.m_w", "grams"]),
         (("rate_hz = 500", "rate_hz = 0.5"), ["loop.rate_hz", "kilohertz"]),
+        (
+            ("[loop]", "[limits]\nlate_max_share = 50\n[loop]"),
+            ["limits.late_max_share = 50", "0 to 1"],
+        ),
+        (
+            ("[loop]", "[limits]\nroll_min_deg = 40\n[loop]"),
+            ["limits.roll_min_deg = 40° is not below limits.roll_max_deg = 34°"],
+        ),
         (("V_o = 7.456", "V_o = 24"), ["V_o = 24 V is not below motor.v_max = 24 V"]),
     ],
 )

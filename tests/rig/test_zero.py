@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from heli3dof.errors import CheckFailed, SafetyTrip
+from heli3dof.errors import CheckFailed, SafetyTrip, UsageError
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
-from heli3dof.rig.zero import calibrate
+from heli3dof.rig.zero import calibrate, zero
 from tests.rig.fakes import FakeDriver, FakeRig
 
 PROFILE = default_profile()
@@ -51,3 +53,9 @@ def test_zero_never_arms():
     rig = FakeRig(FakeDriver())
     calibrate(rig, PROFILE, "fake://1", (None, None, None), 0.05)
     assert rig.armed == 0
+
+
+@pytest.mark.parametrize("angles", [(500.0, None, None), (None, None, math.nan)])
+def test_an_angle_at_which_no_rig_can_stand_is_refused(angles):
+    with pytest.raises(UsageError, match="The rig cannot stand at"):
+        zero("mock:", angles_deg=angles)
