@@ -35,6 +35,7 @@ from heli3dof.recording.logs.log_validation import (
     timing,
 )
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.safety_trip import why_short
 
 MIN_SAMPLES = 3
 """Smallest number of samples for which the scatter of the sample interval can be computed"""
@@ -190,7 +191,7 @@ def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = 
             f"validated on the last {100 * HELD_OUT_SHARE:.0f} % of each recording, "
             "which is held-out data; a separate recording would be a stricter test"
         )
-    _check_length(train, dt, reports[:n])
+    _check_length(train, dt, recordings, reports[:n])
     return Prepared(everything, tuple(train), tuple(test), tuple(reports), dt, split)
 
 
@@ -312,17 +313,26 @@ def _split(runs: list[RowRange]) -> tuple[list[RowRange], list[RowRange]]:
     return train, test
 
 
-def _check_length(train: Sequence[RowRange], dt: float, reports: Sequence[RecordingReport]) -> None:
+def _check_length(
+    train: Sequence[RowRange],
+    dt: float,
+    recordings: Sequence[Recording],
+    reports: Sequence[RecordingReport],
+) -> None:
     seconds = sum(r.stop - r.start for r in train) * dt
     if seconds < USABLE_MIN_S:
         total = sum(r.seconds for r in reports)
         left_out = {k: sum(r.left_out[k] * r.seconds for r in reports) for k in REASONS}
         left_out["other"] = total - seconds - sum(left_out.values())
         parts = [f"{s:.1f} s {LEFT_OUT[k]}" for k, s in left_out.items() if s >= 0.05]
+        cause, fix = why_short(
+            recordings,
+            "the flight is too short" + (f"; left out are {', '.join(parts)}." if parts else "."),
+            "heli3dof run multisine; or fly longer after the climb",
+        )
         raise RecordingError(
             f"{', '.join(r.name for r in reports)}: only {seconds:.1f} s of {total:.1f} s are "
             f"usable to fit a model, the minimum is {USABLE_MIN_S:.0f} s.",
-            cause="the flight is too short"
-            + (f"; left out are {', '.join(parts)}." if parts else "."),
-            fix="heli3dof run multisine; or fly longer after the climb",
+            cause=cause,
+            fix=fix,
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
-from heli3dof.recording.safety_trip import trip_sentence
+from heli3dof.recording.safety_trip import outcome_details, trip_sentence
 
 CAUSE = (
     "the rig differs from its profile: an encoder's sign, front and back swapped, the amplifier's "
@@ -27,8 +27,7 @@ def ended(view: View) -> Iterable[Fault]:
     sentence = trip_sentence(r)
     if sentence is None:
         return
-    details = r.meta.get("outcome_details")
-    details = details if isinstance(details, dict) else {}
+    details = outcome_details(r)
     yield Fault(
         "flight.tripped", Kind.NOTE, r.name, sentence,
         details.get("likely_cause") or CAUSE,

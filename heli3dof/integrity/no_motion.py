@@ -20,6 +20,7 @@ from heli3dof.axes import AXES, ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
 from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
+from heli3dof.recording.safety_trip import why_short
 
 OFF = 0.02
 """Share of v_max below which a voltage cannot move the rig"""
@@ -48,11 +49,14 @@ def nothing(view: View) -> Iterable[Fault]:
             "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name,
             f"{r.name}: no angle moves by {COUNTS} counts or more in {r.duration:.3g} s; the "
             f"voltage reaches {top:.3g} V.",
-            "the recording is a fragment." if r.duration < LEAST_S else
-            "the motors were off." if off else
-            "the amplifier was not enabled, its supply is off, or the rig is clamped.",
-            "heli3dof run-step --roll 5" if off or r.duration < LEAST_S else
-            "switch the amplifier on, free the arm, then heli3dof run-step --roll 5",
+            *why_short(
+                [r],
+                "the recording is a fragment." if r.duration < LEAST_S else
+                "the motors were off." if off else
+                "the amplifier was not enabled, its supply is off, or the rig is clamped.",
+                "heli3dof run-step --roll 5" if off or r.duration < LEAST_S else
+                "switch the amplifier on, free the arm, then heli3dof run-step --roll 5",
+            ),
             confidence=1.0,
         )  # fmt: skip
     elif top < OFF * r.profile.motor.v_max:
@@ -72,9 +76,12 @@ def nothing(view: View) -> Iterable[Fault]:
                 "nothing.flies", Kind.NOT_IDENTIFIABLE if still else Kind.NOTE, r.name,
                 f"{r.name}: the arm never leaves the table ({np.degrees(rest):.4g}°)"
                 + (f"; {names} move." if not still else "."),
-                f"the voltage (at most {top:.3g} V) does not lift it, the amplifier is off, or "
-                "roll's encoder is not connected.",
-                "check the amplifier and roll's encoder, then heli3dof run-step --roll 5",
+                *why_short(
+                    [r],
+                    f"the voltage (at most {top:.3g} V) does not lift it, the amplifier is off, or "
+                    "roll's encoder is not connected.",
+                    "check the amplifier and roll's encoder, then heli3dof run-step --roll 5",
+                ),
             )  # fmt: skip
 
 

@@ -168,8 +168,11 @@ def test_the_fit_does_not_depend_on_a_known_controller(flight: Flight, found: Es
 
 def test_a_flight_that_stays_on_the_table_is_rejected(flight: Flight) -> None:
     r = flight.recording
-    with pytest.raises(RecordingError, match="usable rows"):
-        fit_greybox(replace(r, angle=np.tile(r.angle[0], (len(r), 1))))
+    on_table = replace(r, angle=np.tile(r.angle[0], (len(r), 1)))
+    for outcome, cause in (("completed", "never left its table"), ("tripped", "ended for safety")):
+        with pytest.raises(RecordingError, match="usable rows") as caught:
+            fit_greybox(replace(on_table, meta={**r.meta, "outcome": outcome}))
+        assert cause in caught.value.cause
 
 
 def test_the_model_replays_held_out_data(flight: Flight, found: Estimate) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -122,6 +124,16 @@ def test_a_short_flight_states_which_seconds_are_left_out() -> None:
     with pytest.raises(RecordingError) as caught:
         prepare([rec])
     assert "1.0 s on the table, 3.0 s of the climb (at least 3 s after" in caught.value.cause
+
+
+def test_a_short_flight_is_not_blamed_on_its_length_if_a_trip_ended_it() -> None:
+    rec = flying().rows(slice(0, 1000))
+    details = {"detail": "pitch reached 61°", "fix": "a smaller step"}
+    meta = {**rec.meta, "outcome": "tripped", "outcome_details": details}
+    with pytest.raises(RecordingError) as caught:
+        prepare([replace(rec, meta=meta)])
+    assert caught.value.cause.endswith("ended for safety after 2 s: pitch reached 61°.")
+    assert caught.value.fix == "a smaller step"
 
 
 @pytest.mark.parametrize(

@@ -304,6 +304,9 @@ def test_an_arm_that_never_leaves_the_table_is_reported() -> None:
     assert "nothing.flies" in names(low, Kind.NOTE)
     stiff = replace(low, angle=low.angle[:1] + 0.05 * (low.angle - low.angle[:1]))
     assert "nothing.flies" in names(stiff, Kind.NOT_IDENTIFIABLE)
+    tripped = replace(stiff, meta={**r.meta, "outcome": "tripped"})
+    (fault,) = (f for f in integrity(tripped) if f.check == "nothing.flies")
+    assert "ended for safety" in fault.cause
 
 
 def test_a_safety_stop_is_noted_with_its_reason() -> None:

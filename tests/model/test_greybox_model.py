@@ -157,6 +157,17 @@ def test_rotor_thrusts_and_delayed_voltages_are_named_states() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("tau", [1e-4, 1.2e-3, 0.1])
+def test_a_lag_adds_one_pole_and_no_zero_at_any_sampling_interval(tau: float) -> None:
+    """A lag far below the sampling interval leaves no trace in the discrete model's poles."""
+    lagged = nominal(PROFILE, ("motor.lag",), **{"motor.lag.time_constant_s": tau})
+    w = np.array([1.0, 30.0, 300.0])
+    expected = nominal(PROFILE).linear().continuous().response(w).T / (1 + 1j * w * tau)
+    for dt in (0.001, 0.01):
+        G = lagged.linear(dt).continuous().response(w).T
+        np.testing.assert_allclose(G, expected, rtol=1e-6, atol=1e-12)
+
+
 def test_the_repr_of_a_model_has_at_most_three_lines() -> None:
     for model in (nominal(PROFILE), true_model(), hover_model(PROFILE)):
         assert repr(model).count("\n") < 3

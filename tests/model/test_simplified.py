@@ -17,6 +17,7 @@ from heli3dof.model.physics.rigid_body import body_accelerations
 from heli3dof.model.physics.state_layout import context
 from heli3dof.paper.models import load_model
 from heli3dof.rig.profile import default_profile
+from tests.model.simulation_step import stepped
 
 PROFILE = default_profile()
 L_A, L_H = 0.6604, 0.1778
@@ -131,8 +132,8 @@ def test_dry_friction_stops_a_joint_with_the_impulse_that_its_body_asks_for(
     z = np.array([0.4, 0.3, 0, 0.5, 0.5, 0.5, 0.9, 0.9])
     V = np.array([0.9, 0.9]) / 0.1188
     dry = {f"friction.coulomb.{name}.torque_Nm": tau, **values}
-    rough = plant(*own, f"friction.coulomb.{name}", **dry).step(z, V, h)
-    smooth = plant(*own, **values).step(z, V, h)
+    rough = stepped(plant(*own, f"friction.coulomb.{name}", **dry), z, V, h)
+    smooth = stepped(plant(*own, **values), z, V, h)
     torque = np.zeros(3)
     torque[axis] = -tau
     at = (smooth[:6], (0.9, 0.9), k, n)

@@ -18,6 +18,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.model.estimation.decimated_log import mean_voltage
 from heli3dof.recording.gap_filling import GAP as GAP
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.safety_trip import why_short
 
 LOST = 6.5
 """Sample periods: longest interval with lost or late samples over which the filters predict, with
@@ -116,11 +117,12 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
     row of zero voltage is inserted first. Raises RecordingError if there are no runs.
     """
     if not runs:
-        raise RecordingError(
-            "There are no usable rows to fit.",
-            cause="the rig never left its table, or the flight was too short.",
-            fix="heli3dof info on the recording; then fly longer: heli3dof run rich",
+        cause, fix = why_short(
+            recordings,
+            "the rig never left its table, or the flight was too short.",
+            "heli3dof info on the recording; then fly longer: heli3dof run rich",
         )
+        raise RecordingError("There are no usable rows to fit.", cause=cause, fix=fix)
     parts: list[tuple[np.ndarray, ...]] = []
     blocks, free, grid = [], [], []
     at = 0

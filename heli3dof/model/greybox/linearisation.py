@@ -1,11 +1,12 @@
 """Trim and linearisation of a grey-box model at level hover, for poles, Bode plots and loop checks.
 
-    z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
+    z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      ż = A z + B (V − u0)
 
-A and B are central differences of one time step of the simulation. r, p, ψ are roll, pitch, yaw,
-F_f and F_b the thrusts, V the motor voltages, u0 those at trim. A delay appends delayed voltages to
-z. Dry friction has no linearisation and is omitted. An encoder with backlash is linearised in the
-middle of the backlash.
+A and B contain central differences of the accelerations and of the steady-state thrusts K_m V. With
+the rotors' lag τ, Ḟ = (K_m V − F)/τ. r, p, ψ are roll, pitch, yaw, F_f and F_b the thrusts, V the
+motor voltages, u0 those at trim. A zero-order hold converts A and B to discrete time. A delay then
+appends delayed voltages to z. Dry friction has no linearisation and is omitted. An encoder with
+backlash is linearised in the middle of the backlash.
 
 At trim, the thrusts balance roll and pitch. No thrust balances a constant yaw torque τ
 (``bias.torque.yaw``) at level, so it accelerates yaw by ψ̈_0 = τ/J_ψ. Through the inertias M_rψ and
@@ -14,16 +15,17 @@ M_pψ (`heli3dof.model.physics.rigid_body`), ψ̈_0 adds −ψ̈_0 r to p̈ and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from heli3dof.errors import CheckFailed
-from heli3dof.model.discretisation import HOVER_STATES
+from heli3dof.model.discretisation import HOVER_STATES, Continuous, c2d_zoh
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics import state_layout
-from heli3dof.model.physics.integrator import readings, setup, step
+from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import steady_thrusts
 
@@ -75,11 +77,13 @@ class _Plant:
         self.thrusts = np.empty(2)
         """N, after the effects on the thrust: set by `acceleration`"""
 
-    def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Return the accelerations (3,) rad/s² at rest; q (3,) rad: angles, F (2,) N: thrusts."""
+    def acceleration(
+        self, q: np.ndarray, F: np.ndarray, rate: np.ndarray | float = 0
+    ) -> np.ndarray:
+        """Return the accelerations (3,) rad/s²; q (3,) rad, F (2,) N: thrusts, rate (3,) rad/s."""
         a = np.empty(3)
         self.s[state_layout.R : state_layout.R + 3] = q
-        self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
+        self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = rate
         self.s[state_layout.F_FRONT : state_layout.F_FRONT + 2] = F
         accelerations(self.s, *self.effects, self.free, self.thrusts, np.empty(3), a)
         return a
@@ -89,19 +93,6 @@ class _Plant:
         out = np.empty(2)
         steady_thrusts(self.s, V.reshape(1, 2), np.ones(1), 0, 0, *self.effects, out)
         return out
-
-    def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
-        """Return the state ``dt`` s after the state z (8,), with the voltages V (2,) V.
-
-        z contains angles (rad), rates (rad/s) and thrusts (N).
-        """
-        x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
-        w, cache = np.zeros((8, 3)), np.full(6, -1.0)
-        step(
-            self.s, x, 0, np.zeros(1), np.array([dt]), V.reshape(1, 2),
-            self.steady_thrusts(V).reshape(1, 2), F, *self.effects, self.free, w, cache,
-        )  # fmt: skip
-        return np.concatenate([x, w[7, :2]])
 
 
 def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:
@@ -141,12 +132,7 @@ def trim_voltage(model: Valued, F: np.ndarray) -> np.ndarray:
     V = np.full(2, model.structure.profile.motor.V_o)
     for _ in range(60):
         miss = plant.steady_thrusts(V) - F
-        J = np.column_stack(
-            [
-                (plant.steady_thrusts(V + e) - plant.steady_thrusts(V - e)) / 2e-3
-                for e in 1e-3 * np.eye(2)
-            ]
-        )
+        J = _jacobian(plant.steady_thrusts, V, np.full(2, 1e-3))
         if not (np.isfinite(J).all() and np.isfinite(miss).all()):
             break
         change = np.linalg.lstsq(J, -miss, rcond=1e-6)[0]
@@ -239,31 +225,45 @@ def linear(model: GreyBoxModel, dt: float) -> tuple[LinearModel, tuple[str, ...]
     q = true_angles(model, np.zeros(3))
     F = balance(model, q)
     u0 = trim_voltage(model, F)
-    z0 = np.concatenate([q, np.zeros(3), F])
-    e = np.concatenate([np.full(6, 1e-5), np.full(2, 1e-4)])
-    A = np.column_stack(
-        [
-            (plant.step(z0 + d, u0, dt) - plant.step(z0 - d, u0, dt)) / (2 * e[j])
-            for j, d in enumerate(np.diag(e))
-        ]
-    )
-    B = np.column_stack(
-        [(plant.step(z0, u0 + d, dt) - plant.step(z0, u0 - d, dt)) / 2e-3 for d in 1e-3 * np.eye(2)]
-    )
+
+    def accelerations_at(z: np.ndarray) -> np.ndarray:
+        """Return the accelerations at z: angles, rates, thrusts, voltages."""
+        plant.s[state_layout.V_FRONT : state_layout.V_FRONT + 2] = z[8:]
+        return plant.acceleration(z[:3], z[6:8], z[3:6])
+
+    z0 = np.concatenate([q, np.zeros(3), F, u0])
+    J = _jacobian(accelerations_at, z0, np.repeat([1e-5, 1e-4, 1e-3], [6, 2, 2]))
+    K_m = _jacobian(plant.steady_thrusts, u0, np.full(2, 1e-3))
+    tau = plant.s[state_layout.TAU_M]
+    A, B = np.zeros((8, 8)), np.zeros((8, 2))
+    A[:3, 3:6] = np.eye(3)
+    A[3:6], B[3:6] = J[:, :8], J[:, 8:]
+    if tau > 0.0:
+        A[6:, 6:], B[6:] = -np.eye(2) / tau, K_m / tau
+    else:  # without lag the thrusts are no states
+        A, B = A[:6, :6], B[:6] + A[:6, 6:] @ K_m
     m, slope = np.empty(3), np.empty(3)
     readings(plant.s, z0[:6].copy(), *plant.effects, m, slope)
-    C = np.zeros((3, 8))
+    C = np.zeros((3, len(A)))
     C[:, :3] = np.diag(slope)
-    if plant.s[state_layout.TAU_M] <= 0.0:  # without lag the thrusts are no states
-        A, B, C = A[:6, :6], B[:6], C[:, :6]
     names = [*HOVER_STATES, "F_front", "F_back"][: len(A)]
-    A, B, C = _delayed(A, B, C, plant.delay / dt)
+    exact = Continuous(A, B, C, np.zeros((3, 2)), "hold") if plant.delay <= 0.0 else None
+    A, B, C = _delayed(*c2d_zoh(A, B, dt), C, plant.delay / dt)
     for i in range((len(A) - len(names)) // 2):
         names += [f"v_front_delayed_{i + 1}", f"v_back_delayed_{i + 1}"]
     return LinearModel(
         name=model.name, kind=model.kind, A=A, B=B, C=C, K=np.zeros((len(A), 3)),
         S=np.full((3, 3), np.nan), u0=u0, y0=m, dt=dt, profile=model.profile,
+        exact=exact,
     ), tuple(names)  # fmt: skip
+
+
+def _jacobian(
+    f: Callable[[np.ndarray], np.ndarray], at: np.ndarray, steps: np.ndarray
+) -> np.ndarray:
+    """Return the derivatives (m, n) of f (m,) at the point ``at`` (n,), by central differences."""
+    moves = zip(np.diag(steps), steps, strict=True)
+    return np.column_stack([(f(at + d) - f(at - d)) / (2 * e) for d, e in moves])
 
 
 def _delayed(

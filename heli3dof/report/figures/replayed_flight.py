@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import metrics_in_flight
 from heli3dof.comparison.replay import replay
@@ -23,7 +25,7 @@ from heli3dof.recording.recording import Recording
 class Replayed:
     """Overshoot and steady error (°) of one axis, in a flight and in two models' replays.
 
-    NaN if undefined or if the model diverges.
+    NaN if undefined (as the overshoot of a held axis) or if the model diverges.
     """
 
     recording: str
@@ -55,7 +57,8 @@ def replayed(
             results = [m[axis].reported for m in metrics]
             if results[0].kind not in ("step", "start", "hold"):
                 continue
-            a, b, c = (s.overshoot_deg for s in results)
+            held = results[0].kind == "hold"
+            a, b, c = (np.nan if held else s.overshoot_deg for s in results)
             d, e, f = (s.steady_error_deg for s in results)
             out.append(Replayed(recording.name, axis, (a, b, c), (d, e, f)))
     return tuple(out)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.metrics import AxisMetrics, Kind, StepMetrics
 from heli3dof.comparison.prediction import CONSTANT_ANGLES
 from heli3dof.comparison.result import (
     Comparison,
@@ -62,16 +62,16 @@ def metrics_table(flight: FlightComparison) -> Grid:
     rows = []
     for i, axis in enumerate(AXES):
         measured = flight.experiment[axis].reported
-        rows.append([axis, EXPERIMENT, *_metric_cells(measured.values()), NONE])
+        rows.append([axis, EXPERIMENT, *_metric_cells(measured.values(), measured.kind), NONE])
         for m in flight.models:
             if m.metrics is None:
                 continue
             rmse = np.nan if m.replay_rmse_deg is None else m.replay_rmse_deg[i]
             ours = m.metrics[axis].reported.values()
             away = flight.difference(m, axis)
-            rows.append([axis, m.name, *_metric_cells(ours), fixed(rmse)])
+            rows.append([axis, m.name, *_metric_cells(ours, measured.kind), fixed(rmse)])
             if any(np.isfinite(v) for v in away.values()):
-                rows.append([axis, DIFFERENCE, *_metric_cells(away, sign=True), ""])
+                rows.append([axis, DIFFERENCE, *_metric_cells(away, measured.kind, sign=True), ""])
     about = "; ".join(f"{axis} {step_name(flight.experiment[axis].reported)}" for axis in AXES)
     return Grid(
         f"Closed-loop replay · {flight.recording.name}",
@@ -80,8 +80,7 @@ def metrics_table(flight: FlightComparison) -> Grid:
         notes=[
             f"Steps: {about}.",
             "Δ: model minus experiment. The paper prints the peak as overshoot. Here overshoot is "
-            "peak minus set value (E10), also in % of the step; on a held axis, the largest "
-            "distance from the set value.",
+            "peak minus set value (E10), also in % of the step; a held axis has none.",
             *_model_notes(flight),
         ],
         text_columns=2,
@@ -96,18 +95,20 @@ def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
     rows = []
     for axis, of_axis in metrics.items():
         for step in of_axis.steps:
-            held = {"overshoot_deg": np.nan} if step.kind == "hold" else {}
             if step.kind != "none":
-                rows.append([axis, step_name(step), *_metric_cells({**step.values(), **held})])
+                rows.append([axis, step_name(step), *_metric_cells(step.values(), step.kind)])
     notes = ["error: angle minus set value, mean over the last tenth of the step."] * bool(rows)
     if any(row[-1] == NONE for row in rows):
         notes.append("– under settling: no step, or the angle did not stay within ±2 % of it.")
     return Grid(title, ["axis", "step", *METRIC_HEADS], rows, notes=notes, text_columns=2)
 
 
-def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[str]:
+def _metric_cells(values: Mapping[str, float], kind: Kind, *, sign: bool = False) -> list[str]:
+    """Return the cells of step metrics; a held axis has a peak, but no overshoot."""
     return [
-        fixed(value, 1 if name == "overshoot_percent" else 2, sign=sign)
+        NONE
+        if kind == "hold" and name == "overshoot_deg"
+        else fixed(value, 1 if name == "overshoot_percent" else 2, sign=sign)
         for name, value in values.items()
     ]
 

@@ -332,5 +332,9 @@ def test_table_ii_before_and_after_is_listed_with_the_flight_s_own_values() -> N
     roll = next(r for r in same if r.axis == "roll")
     assert roll.overshoot_deg[1] == roll.overshoot_deg[2]
     assert roll.overshoot_deg[1] == pytest.approx(roll.overshoot_deg[0], abs=0.5)
+    held = replayed(model, model, [steps.between(0.0, 8.0)])[1]
+    assert held.axis == "pitch"
+    assert np.isnan(held.overshoot_deg).all()
+    assert np.isfinite(held.steady_error_deg).all()
     profile = steps.profile.model_copy(update={"controller": None})
     assert replayed(model, model, [replace(steps, profile=profile)]) == ()

@@ -44,8 +44,8 @@ def added_monitor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[N
 
 def test_the_built_in_monitors_judge_in_the_documented_order() -> None:
     built_in = [
-        "HostSuspend", "EncoderJump", "AmplifierOutput", "LostFrames", "Lateness", "FrozenEncoder",
-        "SilentEncoder", "Saturation",
+        "HostSuspend", "SamplingRate", "EncoderJump", "AmplifierOutput", "LostFrames", "Lateness",
+        "FrozenEncoder", "SilentEncoder", "Saturation",
     ]  # fmt: skip
     found = [kind.__name__ for kind in monitor_classes()]
     assert [name for name in found if name in built_in] == built_in

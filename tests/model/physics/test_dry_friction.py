@@ -17,6 +17,7 @@ from heli3dof.model.physics.dry_friction import (
     soft_threshold,
 )
 from heli3dof.rig.profile import default_profile
+from tests.model.simulation_step import stepped
 
 PROFILE = default_profile()
 J_yaw = 0.950809  # kg·m², the profile's point masses
@@ -32,7 +33,7 @@ def yaw_rates(terms: dict[str, float], rate: float, seconds: float) -> np.ndarra
     z[5] = rate
     out = []
     for _ in range(round(seconds / DT)):
-        z = plant.step(z, HOVER, DT)
+        z = stepped(plant, z, HOVER, DT)
         out.append((z[2], z[5]))
     return np.array(out)
 

@@ -44,6 +44,8 @@ def test_the_metrics_table_has_peak_and_overshoot(compared: FlightComparison) ->
     assert cell(grid, ["roll", "hover"], "peak °") == f"{step.peak_deg:.2f}"
     assert cell(grid, ["roll", "hover"], "overshoot °") == f"{step.overshoot_deg:.2f}"
     assert cell(grid, ["pitch", "hover"], "rise s") == "–"
+    assert cell(grid, ["pitch", "hover"], "peak °") != "–"
+    assert {r[3] for r in grid.rows if r[0] == "pitch"} == {"–"}  # held: no overshoot
 
 
 def test_a_difference_follows_its_model_with_its_sign(compared: FlightComparison) -> None:
