@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -138,6 +139,21 @@ def test_any_exception_of_an_importer_names_the_file_and_the_importer(
     assert says in caught.value.what
     assert caught.value.cause
     assert caught.value.fix
+
+
+def test_a_bug_in_the_positions_of_an_importer_names_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(path: Path, profile: object, columns: object) -> Table:
+        return replace(NPY.read(path, None, None), where=lambda k: str([][k]))
+
+    monkeypatch.setattr(importers, "importers", lambda: (Importer("LAB", (".npy",), read),))
+    path = tmp_path / "a.npy"
+    made = flight(500)
+    np.save(path, [made.t * np.nan, made.voltage[:, 0], made.voltage[:, 1], made.angle[:, 0]])
+    with pytest.raises(RecordingError, match="of the importer LAB failed: IndexError") as caught:
+        load(path, open_profile())
+    assert f"its package, tests ({__file__}:" in caught.value.cause
 
 
 def test_an_importer_that_cannot_examine_a_file_leaves_it_to_the_others(
