@@ -9,10 +9,18 @@ from __future__ import annotations
 import importlib
 import logging
 import pkgutil
+import re
+import traceback
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from types import ModuleType
 from typing import Any
+
+from heli3dof.errors import Heli3dofError
+
+OWN = ("heli3dof", "heli3dof_drivers")
+"""The packages of heli3dof: an unexpected exception there is a bug of heli3dof"""
 
 
 def modules_of(package: str) -> Iterator[ModuleType]:
@@ -35,6 +43,32 @@ def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
                 "Warning: the %s %s (%s) does not load: %s. It is left out.",
                 kind, point.name, point.value, error,
             )  # fmt: skip
+
+
+@contextmanager
+def plugin_errors(error: type[Heli3dofError], what: str, module: str) -> Iterator[None]:
+    """Context manager: convert the unexpected exceptions of a plug-in's code to ``error``.
+
+    ``what`` names the plug-in, for the message. ``module`` is the plug-in's module or
+    entry point. If it belongs to heli3dof, no exception is converted.
+    """
+    package = re.split("[.:]", module)[0]
+    try:
+        yield
+    except (Exception, SystemExit) as problem:
+        if isinstance(problem, Heli3dofError) or package in OWN:
+            raise
+        frames = traceback.walk_tb(problem.__traceback__)
+        lines = [
+            f" ({frame.f_code.co_filename}:{line})"
+            for frame, line in frames
+            if frame.f_globals.get("__name__", "").partition(".")[0] == package
+        ]
+        raise error(
+            f"{what} failed: {type(problem).__name__}: {problem}",
+            cause=f"a bug in its package, {package}{lines[-1] if lines else ''}",
+            fix=f"correct {package}, or report the bug to its author",
+        ) from problem
 
 
 def must_be(expected: type, plugin: object) -> None:

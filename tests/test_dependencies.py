@@ -21,7 +21,7 @@ MAY_IMPORT = {
     "distributions": set(),
     "toml_file": {"errors", "file_kind"},
     "parallel": set(),
-    "plugins": set(),
+    "plugins": {"errors"},
     "stage_clock": set(),
     "json_values": set(),
     "results": {"errors"},

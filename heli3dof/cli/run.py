@@ -215,11 +215,11 @@ def default_path(name: str) -> Path:
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:
     """Check plan, controller and device URL, and print the plan (``--dry-run``)."""
     from heli3dof.experiment.fly import prepare
-    from heli3dof.rig.drivers import check_url, is_private, load_driver
+    from heli3dof.rig.drivers import check_url, is_private, open_driver
 
     url = check_url(device)
     if is_private(url):  # an emulated rig, whose options are checked when it is opened
-        load_driver(url.scheme).open(url, profile).close()
+        open_driver(url, profile).close()
     signals = prepare(plan, profile, seed)
     out.warn(*signals.warnings(profile))
     out.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")

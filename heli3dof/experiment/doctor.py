@@ -19,7 +19,7 @@ from heli3dof.errors import DeviceError
 from heli3dof.experiment.control_loop.realtime_priority import realtime
 from heli3dof.rig.doctor import armed, host, link
 from heli3dof.rig.doctor import folder as recordings
-from heli3dof.rig.drivers import check_url, default_device, load_driver
+from heli3dof.rig.drivers import check_url, default_device, driver_errors, load_driver
 from heli3dof.rig.interface import Check
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.session.open_exclusive import open_rig
@@ -77,7 +77,10 @@ def doctor(
 
 def _checks(device: str, profile: Profile, folder: Path, arm: bool) -> Iterator[tuple[str, Check]]:
     url = check_url(device)
-    yield from (("port", check) for check in load_driver(url.scheme).examine(url))
+    driver = load_driver(url.scheme)
+    with driver_errors(driver):
+        ports = list(driver.examine(url))
+    yield from (("port", check) for check in ports)
     yield from (("computer", check) for check in host.checks(profile))
     with realtime() as granted:
         # Measured with the priority that a flight gets.

@@ -11,9 +11,9 @@ import numpy as np
 from heli3dof.axes import AXES, ROLL
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.identification.black_box.order_selection import INTERVALS_S
-from heli3dof.identification.feedback import feedback_test
+from heli3dof.identification.feedback import Feedback, feedback_test
 from heli3dof.identification.fit_result import FitResult, Request
-from heli3dof.identification.methods import known_method
+from heli3dof.identification.methods import Method, known_method
 from heli3dof.identification.preprocessing import (
     Prepared,
     moving_axes_only,
@@ -28,6 +28,7 @@ from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
+from heli3dof.plugins import plugin_errors
 from heli3dof.recording.distinct_samples import check_distinct
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.provenance import profile_file, run_command
@@ -138,10 +139,23 @@ def identify(
             cause="the axis is clamped, or its encoder is not connected.",
             fix="method='greybox', or a recording in which all axes move",
         )
+    with plugin_errors(UsageError, f"The method {method}", about.function):
+        return _fitted(about, request, prepared, still, feedback, clock)
+
+
+def _fitted(
+    about: Method,
+    request: Request,
+    prepared: Prepared,
+    still: Sequence[str],
+    feedback: Feedback,
+    clock: StageClock,
+) -> Identification:
+    """Fit a model and evaluate it; ``still``: the axes that do not move in the recordings."""
     clock.start("fit", "Fitting the model …")
     with report_progress(clock.counts):
         found = without_axes(about.fit(prepared, request), still)
-    method = found.method or method
+    method = found.method or request.method
     prepared = replace(prepared, recordings=tuple(map(moving_axes_only, prepared.recordings)))
     warnings = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
     if about.assumes_open_loop and feedback.present:

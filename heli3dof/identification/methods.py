@@ -44,7 +44,7 @@ class Method:
 
         Raises UsageError if the function cannot be imported or returns no `FitResult`.
         """
-        from heli3dof.identification.fit_result import FitResult
+        from heli3dof.identification.fit_result import FitResult, Parameter
 
         module, _, name = self.function.partition(":")
         try:
@@ -64,6 +64,8 @@ class Method:
                 cause=f"its function, {self.function}, is incomplete.",
                 fix="read heli3dof/identification/fit_result.py, or use method='greybox'",
             )
+        for parameter in result.parameters.values():
+            must_be(Parameter, parameter)
         return result
 
 

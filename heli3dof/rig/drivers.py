@@ -9,12 +9,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean, quoted
-from heli3dof.rig.interface import Driver, PrivateToProcess, Rig
+from heli3dof.plugins import must_be, plugin_errors
+from heli3dof.rig.interface import Driver, Identity, PrivateToProcess, Rig
 from heli3dof.rig.url import DEVICE_VARIABLE, DeviceUrl, parse_url
 
 if TYPE_CHECKING:
@@ -68,10 +70,21 @@ def load_driver(scheme: str) -> Driver:
     return driver
 
 
+def driver_errors(part: object) -> AbstractContextManager[None]:
+    """Return a context manager: a bug in a driver becomes a DeviceError that names its package.
+
+    ``part``: the driver, or a rig that it opened.
+    """
+    kind = type(part)
+    return plugin_errors(DeviceError, f"The driver's class {kind.__name__}", kind.__module__)
+
+
 def check_url(url: str | DeviceUrl) -> DeviceUrl:
     """Return the parsed device URL. Raises UsageError for an unknown scheme or option."""
     parsed = parse_url(url) if isinstance(url, str) else url
-    parsed.check_options(load_driver(parsed.scheme).options)
+    driver = load_driver(parsed.scheme)
+    with driver_errors(driver):
+        parsed.check_options(driver.options)
     return parsed
 
 
@@ -82,7 +95,11 @@ def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
     therefore use `heli3dof.open_rig`.
     """
     parsed = check_url(url)
-    return load_driver(parsed.scheme).open(parsed, profile)
+    driver = load_driver(parsed.scheme)
+    with driver_errors(driver):
+        rig = driver.open(parsed, profile)
+        must_be(Identity, rig.identity)
+    return rig
 
 
 def is_private(url: str | DeviceUrl) -> bool:
@@ -98,7 +115,7 @@ def with_seed(url: str, seed: int) -> str:
     The URL stays the same if its driver does not know this option, or if the URL already has a
     seed.
     """
-    parsed = parse_url(url)
+    parsed = check_url(url)
     if "seed" not in load_driver(parsed.scheme).options or "seed" in parsed.options:
         return url
     return f"{url}{'&' if '?' in url else '?'}seed={seed}"

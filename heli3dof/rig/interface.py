@@ -101,7 +101,8 @@ class Sample:
     counts: tuple[int, int, int]
     """Roll, pitch, yaw encoder counts: zero at power-up; from `heli3dof.open_rig`: at rest."""
     v_applied: tuple[float, float]
-    """V, front and back: the device's output just before it took the sample."""
+    """V, front and back: the device's output just before it took the sample; NaN where not
+    measured."""
     current: tuple[float, float]
     """A, front and back; NaN where not measured."""
     flags: Flags

@@ -326,6 +326,16 @@ def test_a_real_rig_does_not_move_by_default(monkeypatch: pytest.MonkeyPatch):
     assert 10 < skipped < len(CASES)
 
 
+def _unmeasured(self: Rig, command: Command, due_s: float) -> Sample:
+    sample = MockRig.exchange(self, command, due_s)
+    return replace(sample, v_applied=(math.nan, math.nan))
+
+
+def test_a_rig_that_does_not_measure_its_voltages_conforms(monkeypatch: pytest.MonkeyPatch):
+    use(monkeypatch, spoilt("Unmeasured", exchange=_unmeasured))
+    assert main(["spoilt:?speed=max"]) == 0
+
+
 def test_the_command_prints_a_line_for_each_case_and_exits_6_on_a_failure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

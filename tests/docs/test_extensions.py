@@ -311,6 +311,7 @@ def test_a_verb_prints_its_document(place, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["duration", str(FLIGHT), "--json"])
     assert done.exit_code == 0, done.output
     assert '"duration_s"' in done.output
+    assert "heli3dof duration" in CliRunner().invoke(app, ["duration", "--help"]).output
     log = h3.export(h3.load(FLIGHT), tmp_path / "log.csv")
     rig = str(ROOT / "recordings" / "rig.toml")
     done = CliRunner().invoke(app, ["duration", str(log), "--profile", rig])

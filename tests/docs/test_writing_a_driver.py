@@ -67,13 +67,32 @@ def test_a_driver_that_is_installed_later_is_found(package: Path, installed: Non
     assert load_driver("lab").options == ()
 
 
+@pytest.mark.parametrize("where", ["127.0.0.1", "127.0.0.1:", ":4000", "bench-7:port"])
+def test_an_address_without_host_or_port_is_a_wrong_use(installed: None, where: str) -> None:
+    with pytest.raises(UsageError, match="lacks HOST:PORT"):
+        open_driver(f"lab://{where}", default_profile())
+
+
+def test_the_package_installs_with_its_test_next_to_it(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setuptools = pytest.importorskip("setuptools")  # finds two modules and refuses to choose
+    (package / "pyproject.toml").write_text(block("toml"), encoding="utf-8")
+    (package / "test_lab.py").touch()
+    monkeypatch.chdir(package)
+    found = setuptools.Distribution()
+    found.parse_config_files()
+    found.set_defaults()
+    assert found.py_modules == ["lab_amplifier"]
+
+
 def test_the_pages_own_test_of_the_driver_passes(package: Path, amplifier: LabAmplifier) -> None:
     test = block("python", 1)
     assert "lab://bench-7:4000" in test
     (package / "test_lab.py").write_text(test.replace("bench-7:4000", amplifier.place))
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rs", "test_lab.py"],
-        cwd=package, env={**os.environ, "PYTHONPATH": str(package)},
+        cwd=package, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(package), *sys.path])},
         capture_output=True, text=True, timeout=END_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout

@@ -6,6 +6,7 @@ import logging
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,9 @@ from heli3dof import plugins
 from heli3dof.errors import UsageError
 from heli3dof.identification import methods as registry
 from heli3dof.identification.fit_result import FitResult
+from heli3dof.identification.identify import identify
 from heli3dof.identification.methods import BUILT_IN, Method, known_method, methods
+from tests.recording.make import flight
 
 MEAN = Method("mean", "predicts the mean", "tests.identification.test_methods:fit_mean")
 
@@ -21,6 +24,15 @@ MEAN = Method("mean", "predicts the mean", "tests.identification.test_methods:fi
 def fit_mean(prepared: object, request: object) -> FitResult:
     """The function of a plug-in."""
     return FitResult(prepared, 0, 0.02, request)  # type: ignore[arg-type]
+
+
+def fit_number(prepared: object, request: object) -> FitResult:
+    numbers: Any = {"K_f": 0.1}
+    return FitResult(prepared, 0, 0.02, request, parameters=numbers)  # type: ignore[arg-type]
+
+
+def fit_singular(prepared: object, request: object) -> FitResult:
+    raise ValueError("singular")
 
 
 def fit_wrong(prepared: object, request: object) -> float:
@@ -67,6 +79,29 @@ def test_a_wrong_function_is_an_error_that_names_the_method_and_it(
     assert "mean" in caught.value.what
     assert caught.value.cause
     assert caught.value.fix
+
+
+@pytest.mark.parametrize(
+    ("function", "says", "where"),
+    [
+        (fit_singular, "ValueError: singular", f"{__file__}:"),
+        (fit_number, "TypeError: it is a float; expected: Parameter", ""),
+        (fit_mean, "AttributeError", ""),
+    ],
+)
+def test_a_bug_in_a_method_names_the_method_and_its_package(
+    plug_in,  # type: ignore[no-untyped-def]
+    monkeypatch: pytest.MonkeyPatch,
+    function: Any,
+    says: str,
+    where: str,
+) -> None:
+    plug_in(f"{__name__}:MEAN")
+    monkeypatch.setitem(globals(), "fit_mean", function)
+    with pytest.raises(UsageError, match=f"The method mean failed: {says}") as caught:
+        identify(flight(5000), method="mean")
+    assert "its package, tests" in caught.value.cause
+    assert where in caught.value.cause
 
 
 @pytest.mark.parametrize("value", ["no_such_package:METHOD", "math:pi"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,11 @@ def test_an_unknown_quantity_is_an_unknown_effect() -> None:
 
 def test_empirical_effects_are_no_candidates() -> None:
     assert not any(name.startswith("empirical") for name in effects())
+
+
+@pytest.mark.parametrize("name", [SPLINE, "empirical.sin(yaw).pitch"])
+def test_a_term_can_be_pickled(name: str) -> None:
+    assert pickle.loads(pickle.dumps(term(name))) == term(name)
 
 
 def test_a_model_file_keeps_empirical_terms(tmp_path: Path) -> None:

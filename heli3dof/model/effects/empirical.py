@@ -119,9 +119,16 @@ def empirical_effect(name: str) -> Effect | None:
         )  # fmt: skip
         parameters, hook = (c,), _product(first, second)
         summary = f"A torque c · {product}."
-    return Effect(
+    return _Empirical(
         name, summary, parameters, {Stage.TORQUE: hook}, AXES, candidate=False, evidence="time"
     )
+
+
+class _Empirical(Effect):
+    """An effect that pickle stores as its name, because its hook is a closure."""
+
+    def __reduce__(self) -> tuple[Callable[[str], Effect | None], tuple[str]]:
+        return empirical_effect, (self.name,)
 
 
 def _product(first: int, second: int) -> Hook:

@@ -84,10 +84,6 @@ class Hooks:
         """
         return np.array([*map(address, self.functions), 0], dtype=np.int64)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the fields to pickle, without the addresses, which hold in one process only."""
-        return {k: v for k, v in self.__dict__.items() if k != "address"}
-
 
 @dataclass(frozen=True)
 class Structure:
@@ -95,6 +91,10 @@ class Structure:
 
     profile: Profile
     terms: tuple[Term, ...]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields to pickle, without `hooks`: addresses hold in one process only."""
+        return {k: v for k, v in self.__dict__.items() if k != "hooks"}
 
     @cached_property
     def free(self) -> tuple[FreeParameter, ...]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import Heli3dofError, RecordingError, UsageError, quoted
 from heli3dof.file_kind import no_file
-from heli3dof.plugins import must_be
+from heli3dof.plugins import must_be, plugin_errors
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.column_mapping import mapped
 from heli3dof.recording.logs.column_table import recording_from_table
@@ -177,7 +178,8 @@ def _read(
         else:
             table = importer.read(path, profile, columns)
         must_be(Table, table)
-        return replace(table, columns=_numeric(table.columns))
+        where = partial(_where, importer, table.where)
+        return replace(table, columns=_numeric(table.columns), where=where)
     except (Heli3dofError, OSError):
         raise
     except (Exception, SystemExit) as error:  # KeyError, struct.error …
@@ -188,6 +190,13 @@ def _read(
             fix="write the log again with the program that made it, or export it as CSV and "
             "heli3dof import that file",
         ) from error
+
+
+def _where(importer: Importer, where: Callable[[int], str], k: int) -> str:
+    """Return ``where(k)``, the position of sample k, by a function of the importer."""
+    module = importer.read.__module__
+    with plugin_errors(RecordingError, f"Table.where of the importer {importer.name}", module):
+        return where(k)
 
 
 def _numeric(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:

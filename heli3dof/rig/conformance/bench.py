@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
-from heli3dof.errors import CheckFailed, DeviceError
+from heli3dof.errors import CheckFailed, DeviceError, Heli3dofError
 from heli3dof.rig.drivers import is_private, load_driver, open_driver
 from heli3dof.rig.interface import Command, Driver, Flags, Rig, Sample
 from heli3dof.rig.profile import Profile, default_profile
@@ -149,9 +149,19 @@ def require(ok: object, what: str, found: object) -> None:
 
 
 def require_volts(sample: Sample, v_front: float, v_back: float, when: str) -> None:
-    front, back = sample.v_applied
-    near = abs(front - v_front) <= NEAR_V and abs(back - v_back) <= NEAR_V
-    require(near, f"{v_front:g} V and {v_back:g} V applied {when}", sample.v_applied)
+    """Raise NotConforming unless the sample has these voltages, or NaN: not measured."""
+    what = f"{v_front:g} V and {v_back:g} V applied {when}"
+    _require_near(sample, (v_front, v_back), NEAR_V, what)
+
+
+def require_zero_volts(sample: Sample, when: str) -> None:
+    """Raise NotConforming unless the sample has exactly 0 V, or NaN: not measured."""
+    _require_near(sample, (0.0, 0.0), 0.0, f"zero volts {when}")
+
+
+def _require_near(sample: Sample, volts: tuple[float, float], within: float, what: str) -> None:
+    pairs = zip(sample.v_applied, volts, strict=True)
+    require(not any(abs(v - w) > within for v, w in pairs), what, sample.v_applied)
 
 
 def require_rest(sample: Sample, when: str) -> None:
@@ -159,19 +169,21 @@ def require_rest(sample: Sample, when: str) -> None:
 
     ``when``: the situation, for the message.
     """
-    require(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
+    require_zero_volts(sample, when)
     require(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
 
 
-def require_error(call: Callable[[], object], when: str) -> DeviceError:
-    """Call ``call``, which must raise a DeviceError with cause and fix; return this error.
+def require_error(
+    call: Callable[[], object], when: str, kind: type[Heli3dofError] = DeviceError
+) -> Heli3dofError:
+    """Call ``call``, which must raise an error of this kind with cause and fix; return this error.
 
     Without such an error the case fails, and ``when`` names the situation in the message.
     """
     try:
         found = call()
-    except DeviceError as problem:
+    except kind as problem:
         require(problem.fix and problem.cause, f"an error with cause and fix {when}", problem)
         return problem
-    require(False, f"a DeviceError {when}", found)
+    require(False, f"a {kind.__name__} {when}", found)
     raise AssertionError

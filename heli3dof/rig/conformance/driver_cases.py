@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
-from heli3dof.errors import DeviceError, UsageError
+from heli3dof.errors import DeviceError, Heli3dofError, UsageError
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.url import parse_url
@@ -118,7 +118,8 @@ def the_drivers_estop_of_a_missing_rig_is_an_error(bench: Bench) -> None:
     url = parse_url(f"{bench.driver.scheme}://no-such-place")
     if bench.private:
         return
-    require_error(lambda: bench.driver.estop(url), "for a stop of a missing rig")
+    # A UsageError, where no rig of the scheme can have this address.
+    require_error(lambda: bench.driver.estop(url), "for a stop of a missing rig", Heli3dofError)
 
 
 CASES = cases(

@@ -12,7 +12,16 @@ from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Flags, HasLinkStatistics, Sample
 from heli3dof.rig.link_counters import attribute_of
 
-from .bench import Bench, Case, Host, cases, require, require_rest, require_volts
+from .bench import (
+    Bench,
+    Case,
+    Host,
+    cases,
+    require,
+    require_rest,
+    require_volts,
+    require_zero_volts,
+)
 
 ECHOES = 40
 """commands sent one after another"""
@@ -93,7 +102,7 @@ def arming_enables_at_zero_volts(bench: Bench) -> None:
     before = time.monotonic()
     sample = host.arm()
     require(sample.flags == Flags.ENABLED, "ENABLED and no other flag after arming", sample.flags)
-    require(sample.v_applied == (0.0, 0.0), "zero volts after arming", sample.v_applied)
+    require_zero_volts(sample, "after arming")
     require(before <= sample.host_time_s <= time.monotonic(), "the host's monotonic time", sample)
     _require_sample(sample)
 

@@ -9,7 +9,16 @@ from functools import partial
 
 from heli3dof.rig.interface import Flags
 
-from .bench import Bench, Host, cases, require, require_error, require_rest, require_volts
+from .bench import (
+    Bench,
+    Host,
+    cases,
+    require,
+    require_error,
+    require_rest,
+    require_volts,
+    require_zero_volts,
+)
 
 SILENT_S = 0.5
 """s of silence beyond the watchdog's time, for its ramp to zero and a busy computer"""
@@ -48,7 +57,7 @@ def a_voltage_that_is_not_finite_never_reaches_the_motors(bench: Bench) -> None:
         host.send(5.0, 5.0)
         require_error(partial(host.send, wrong, 5.0), f"for {wrong} V")
         sample = host.send(5.0, 5.0)
-        require(sample.v_applied == (0.0, 0.0), f"zero volts after {wrong} V", sample.v_applied)
+        require_zero_volts(sample, f"after {wrong} V")
         host.rig.close()
 
 
@@ -106,7 +115,7 @@ def arming_while_armed_restarts_at_zero_volts(bench: Bench) -> None:
     host.arm()
     host.send(5.0, 5.0)
     sample = host.arm()
-    require(sample.v_applied == (0.0, 0.0), "zero volts after arming again", sample.v_applied)
+    require_zero_volts(sample, "after arming again")
     _require_flight(host)
 
 

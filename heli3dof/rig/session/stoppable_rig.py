@@ -24,6 +24,7 @@ import math
 
 from heli3dof.errors import SafetyTrip
 from heli3dof.rig.calibration import COUNTS_AT_POWER_UP, RestCounts
+from heli3dof.rig.drivers import driver_errors
 from heli3dof.rig.interface import (
     ArmsWithPermission,
     Command,
@@ -137,7 +138,8 @@ class StoppableRig:
         self.inner.estop(reason)
 
     def close(self) -> None:
-        self.inner.close()
+        with driver_errors(self.inner):
+            self.inner.close()
 
     def _check_permission(self) -> None:
         reason = self.session.begin_to_arm()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -121,6 +122,14 @@ def test_a_stop_that_a_command_clears_fails():
     check = results_of(Forgetful())["emergency stop at work"]
     assert check.good is False
     assert "did not stay stopped" in check.found
+
+
+def test_an_output_that_is_not_measured_passes():
+    class Unmeasured(Commanded):
+        def exchange(self, command: Command, due_s: float) -> Sample:
+            return replace(super().exchange(command, due_s), v_applied=(math.nan, math.nan))
+
+    assert "zero volts" not in results_of(Unmeasured())
 
 
 def test_an_output_other_than_zero_fails():

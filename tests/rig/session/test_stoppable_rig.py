@@ -45,6 +45,23 @@ def test_an_open_rig_never_gets_more_than_the_profiles_voltage(monkeypatch):
     assert back == limit
 
 
+@pytest.mark.parametrize("broken", ["options", "open", "identity", "close"])
+def test_a_bug_in_a_driver_names_its_package(monkeypatch, broken):
+    driver = FakeDriver()
+    only_drivers(monkeypatch, fake=driver)
+    if broken == "identity":
+        driver.identity = None
+    else:
+        owner = FakeRig if broken == "close" else driver
+        monkeypatch.setattr(owner, broken, None)
+    with (
+        pytest.raises(DeviceError, match=r"class Fake.* failed: TypeError") as caught,
+        open_rig("fake://1", default_profile()),
+    ):
+        pass
+    assert caught.value.cause.startswith("a bug in its package, tests")
+
+
 def test_the_example_of_open_rig_runs():
     text = inspect.getdoc(open_rig)
     example = doctest.DocTestParser().get_doctest(text, {}, "open_rig", None, 0)
