@@ -25,7 +25,8 @@ def importers() -> tuple[Importer, ...]:
     """Return the importers of all log formats, in the order in which they examine a file.
 
     Those of other packages are last, or first if they have ``recognises``: it can distinguish a
-    dialect of a format that heli3dof reads, such as CSV. An importer that cannot be loaded is omitted with a warning.
+    dialect of a format that heli3dof reads, such as CSV. An importer that cannot be loaded is
+    omitted with a warning.
     """
     found: list[Importer] = [module.IMPORTER for module in modules_of(__name__)]
 
