@@ -25,6 +25,7 @@ import itertools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 import numpy as np
 from pydantic import Field
@@ -131,4 +132,5 @@ def _device(device: str, options: Mapping[str, Value]) -> str:
 
 
 def _text(value: Value) -> str:
-    return value if isinstance(value, str) else f"{value:.9g}"
+    text = f"{value:.9g}" if isinstance(value, float) else str(value)
+    return quote(text, safe="/:,@")

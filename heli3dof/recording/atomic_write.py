@@ -196,8 +196,9 @@ def reserved(path: Path) -> Iterator[Path]:
     try:
         yield free
     finally:
-        if not free.stat().st_size:
-            free.unlink()
+        with contextlib.suppress(FileNotFoundError):  # somebody moved or deleted it
+            if not free.stat().st_size:
+                free.unlink()
 
 
 def _numbered(path: Path) -> Iterator[Path]:

@@ -47,8 +47,10 @@ def test_a_design_spreads_its_points_evenly(sweep) -> None:
 
 
 def test_a_seed_that_is_varied_is_kept(sweep) -> None:
-    devices = [device for device, _ in flights(read_sweep(sweep("[vary]\nseed = [7, 9]\n")))]
-    assert devices == ["mock:?speed=max&seed=7", "mock:?speed=max&seed=9"]
+    devices = [
+        device for device, _ in flights(read_sweep(sweep("[vary]\nseed = [7, 10000000001]\n")))
+    ]
+    assert devices == ["mock:?speed=max&seed=7", "mock:?speed=max&seed=10000000001"]
 
 
 def test_each_flight_is_a_task_with_a_key_of_its_own(sweep) -> None:

@@ -148,3 +148,9 @@ def test_a_reserved_name_is_free_for_each_and_removed_if_empty(tmp_path: Path) -
         assert [p.name for p in (first, second, third)] == ["a.mcap", "a-2.mcap", "a-3.mcap"]
         second.write_bytes(b"flight")
     assert [p.name for p in tmp_path.iterdir()] == ["a-2.mcap"]
+
+
+def test_a_reserved_file_may_be_deleted_meanwhile(tmp_path: Path) -> None:
+    with reserved(tmp_path / "a.mcap") as path:
+        path.unlink()
+    assert not path.exists()

@@ -8,6 +8,7 @@ from heli3dof.report.pages.html import Answer, Section, figure, page, paragraph,
 from heli3dof.report.text.fleet_sentences import (
     REPORT_LIMIT,
     change_sentence,
+    change_sentences,
     difference_sentence,
     remark_sentences,
 )
@@ -44,16 +45,15 @@ def drawn_quantities(fleet: Fleet) -> list[FleetQuantity]:
 
 
 def _answers(fleet: Fleet) -> list[Answer]:
-    changes = [change_sentence(track, c) for track, c in fleet.changes()]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     rest = list(remark_sentences(fleet))
     drawn = ""
-    if changes:
+    if fleet.changes():
         first = fleet.changes()[0][0].quantity
         q = next(q for q in fleet.quantities if q.name == first)
         drawn = figure(quantity_figure(q), figure_alt(q))
     answers = [
-        Answer("What changed?", " ".join(changes) or "No quantity changed.", drawn),
+        Answer("What changed?", " ".join(change_sentences(fleet)), drawn),
         Answer(
             "Which rigs differ from the others?",
             " ".join(different) or "None: the rigs differ no more than by chance.",

@@ -21,6 +21,7 @@ from heli3dof.comparison.verdict import verdict
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.identification.result import Identification
 from heli3dof.paper.reproduction import Reproduced
+from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.comparison import NUMBER, axis_figures
 from heli3dof.report.figures.diagnosis_data import FigureData, figure_data
@@ -178,7 +179,7 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 
 def _summary(r: Recording) -> dict[str, Any]:
     """Return a dict of a recording's properties, such as duration and outcome: name → text."""
-    gaps = np.diff(r.t) > 1.5 * r.dt
+    gaps = timing(r.t).gaps
     plan = r.meta.get("plan")
     if isinstance(plan, Mapping):
         plan = plan.get("name") or None
@@ -187,8 +188,7 @@ def _summary(r: Recording) -> dict[str, Any]:
         "device": r.meta.get("device"),
         "ended": ": ".join(_ending(r)) or None,
         "duration": fixed(r.duration, 1, " s"),
-        "samples": f"{len(r)} at {1 / r.dt:.6g} Hz"
-        + (f", {gaps.sum()} gaps" if gaps.any() else ""),
+        "samples": f"{len(r)} at {1 / r.dt:.6g} Hz" + (f", {gaps} gaps" if gaps else ""),
         "rig": r.profile.name,
         "controller": "known"
         if r.profile.controller_is_known

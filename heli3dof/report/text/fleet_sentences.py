@@ -25,6 +25,12 @@ MOST_REASONS = 3
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
     """Return a sentence on each change (or that none was found), then on each differing rig."""
+    different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
+    return (*change_sentences(fleet), *different)
+
+
+def change_sentences(fleet: Fleet) -> list[str]:
+    """Return a sentence on each change, or that none was found, or that flights are too few."""
     found = [
         change_sentence(group.track, group.change)
         + (f" {', '.join(group.moved)} changed by the inverse factor." if group.moved else "")
@@ -34,8 +40,7 @@ def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
     elif not found:
         found = [f"No rig has the {LEAST_FLIGHTS} flights that a search for changes needs."]
-    different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
-    return (*found, *different)
+    return found
 
 
 def change_sentence(track: Track, change: Change) -> str:

@@ -79,6 +79,7 @@ def test_radians_are_accepted_for_degrees(tmp_path: Path) -> None:
     [
         (lambda t: t.replace(",", ";"), "semicolons"),
         (lambda t: t.replace(",", ";").replace(".", ","), "decimal commas"),
+        (lambda t: t.replace(",", "\t").replace(".", ","), "decimal commas"),
         (lambda t: t.replace(",", "\t"), "tabs"),
         (lambda t: t.replace(",", " "), "spaces"),
     ],

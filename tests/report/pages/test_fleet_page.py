@@ -32,5 +32,5 @@ def test_quantities_with_findings_and_the_main_ones_are_drawn_first() -> None:
 def test_a_fleet_without_findings_says_so() -> None:
     fleet = analyse([r for r in term_rows() if r["rig"] == "rig-03" and r["exit_code"] == 0])
     text = checked(fleet_page(fleet))
-    assert "No quantity changed." in text
+    assert "No quantity of 1 rig changed." in text
     assert "None: the rigs differ no more than by chance." in text

@@ -80,7 +80,7 @@ def read(
     body = [x for x in body if x.strip()]
     if separator != ",":
         notes.append(f"Columns are separated by {SEPARATORS[separator]}.")
-    if separator == ";" and any("," in x for x in body[:50]):
+    if separator != "," and any("," in x for x in body[:50]):
         notes.append("Numbers have decimal commas.")
         body = [x.replace(",", ".") for x in body]
     if names[-1] == "" and all(x.rstrip().endswith(separator) for x in body):
