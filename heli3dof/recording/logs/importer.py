@@ -49,7 +49,7 @@ class Importer:
 
     name: str
     endings: tuple[str, ...]
-    """Endings of the format's file names in lower case, such as ``(".csv", ".csv.gz")``"""
+    """Endings of the format's file names, such as ``(".csv", ".csv.gz")``, in any case"""
     read: Callable[[Path, Profile | None, str | Sequence[str] | None], Table]
     """``read(path, profile, columns)`` returns the file's table. ``columns`` is the option
     ``--columns``. Raises RecordingError or UsageError with a cause and a fix; any other exception
@@ -63,6 +63,11 @@ class Importer:
     (`joined_tables.join_used`)."""
     carries_profile: bool = False
     """True if ``read`` can return the rig's profile; other formats need ``--profile``"""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.endings, tuple):
+            raise TypeError(f"{self.name}: endings is not a tuple; a single one needs a comma")
+        object.__setattr__(self, "endings", tuple(e.lower() for e in self.endings))
 
     def sniff(self, path: Path) -> bool:
         """Return True if ``path`` is a file of this log format, by its content or its ending."""

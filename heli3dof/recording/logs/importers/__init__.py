@@ -22,15 +22,17 @@ GROUP = "heli3dof.importers"
 
 @cache
 def importers() -> tuple[Importer, ...]:
-    """Return the importers of all log formats; those of other packages are last.
+    """Return the importers of all log formats, in the order in which they examine a file.
 
-    An importer that cannot be loaded is omitted with a warning.
+    Those of other packages are last, or first if they have ``recognises``: it can distinguish a
+    dialect of a format that heli3dof reads, such as CSV. An importer that cannot be loaded is
+    omitted with a warning.
     """
     found: list[Importer] = [module.IMPORTER for module in modules_of(__name__)]
 
     def add(importer: Importer) -> None:
         must_be(Importer, importer)
-        found.append(importer)
+        found.insert(0 if importer.recognises else len(found), importer)
 
     use_plugins(GROUP, "importer", add)
     return tuple(found)

@@ -39,6 +39,7 @@ NPY = Importer(
 def plug_ins(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     points = [
         EntryPoint("npy", f"{__name__}:NPY", importers.GROUP),
+        EntryPoint("dialect", f"{__name__}:DIALECT", importers.GROUP),
         EntryPoint("broken", "no_such_package:IMPORTER", importers.GROUP),
         EntryPoint("wrong", "json:loads", importers.GROUP),
     ]
@@ -66,6 +67,23 @@ def test_another_packages_format_is_loaded_and_described(
     assert atomic_write.stem(path) == "a"
     assert "importer broken (no_such_package:IMPORTER) does not load" in caplog.text
     assert "importer wrong (json:loads) does not load: it is a function" in caplog.text
+
+
+DIALECT = Importer("DIALECT", (".CSV",), NPY.read, recognises=lambda path: "lab" in path.name)
+
+
+def test_an_importer_that_recognises_a_dialect_comes_first(plug_ins: None) -> None:
+    assert importers.importer_of("lab.csv") is DIALECT
+    assert [importer.name for importer in importers.importers()][-1] == "NPY"
+    other = importers.importer_of("other.csv")
+    assert other is not None
+    assert other.name == "CSV"
+    assert DIALECT.endings == (".csv",)
+
+
+def test_a_single_ending_without_comma_is_refused() -> None:
+    with pytest.raises(TypeError, match="a single one needs a comma"):
+        Importer("LAB", ".lab", NPY.read)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -192,5 +210,7 @@ def test_other_formats_name_those_that_can_be_read(tmp_path: Path) -> None:
     for read in (lambda: load(path), lambda: import_log(path, open_profile())):
         with pytest.raises(RecordingError) as caught:
             read()
-        assert ".csv, .csv.gz, .mat, .mcap, .npz, .parquet" in str(caught.value)
+        every = sorted(importers.endings())
+        assert {".csv", ".csv.gz", ".mat", ".mcap", ".npz", ".parquet"} <= {*every}
+        assert ", ".join(every) in str(caught.value)
         assert "ls " not in caught.value.fix
