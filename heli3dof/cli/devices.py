@@ -39,13 +39,18 @@ def devices(
     from heli3dof.rig.drivers import find_rigs
     from heli3dof.rig.session.client import running
     from heli3dof.rig.session.paths import device_name
+    from heli3dof.rig.url import parse_url
 
     sessions = running()
     users = {device_name(s.device): s for s in sessions if not s.private}
     table = Table("driver", "device URL", "state")
     drivers: list[dict[str, Any]] = []
     rigs: list[dict[str, Any]] = []
-    for scheme, urls, problem in find_rigs():
+    found = list(find_rigs())
+    listed = {device_name(url) for _, urls, _ in found for url in urls}
+    others = [s for s in sessions if s.private or device_name(s.device) not in listed]
+    schemes = {parse_url(s.device).scheme for s in others}
+    for scheme, urls, problem in found:
         drivers.append({"driver": scheme, "devices": urls, "problem": problem})
         if problem is not None:
             out.warn(f"the driver {scheme} does not load: {problem.splitlines()[0]}")
@@ -58,13 +63,11 @@ def devices(
                 continue
             rigs.append({"device": url, "held_by": None, **(_probe(url, profile) if probe else {})})
             table.add_row(scheme, url, _state_text(rigs[-1]))
-        if not urls and problem is None:
+        if not urls and problem is None and scheme not in schemes:
             table.add_row(scheme, "", "no rig found")
-    for session in sessions:
-        if session.private:
-            scheme = session.device.partition(":")[0]
-            state = f"in use: pid {session.pid}, {session.doing}"
-            table.add_row(scheme, session.device, state)
+    for session in others:
+        state = f"in use: pid {session.pid}, {session.doing}"
+        table.add_row(parse_url(session.device).scheme, session.device, state)
     out.show(table)
     out.emit(
         {

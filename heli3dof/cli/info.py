@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 DETAILS = ("channels", "source", "started utc", "digest")
 """Names of the table's rows that only --verbose prints"""
+WAY_DOWN = {"ramp": "ramp to zero", "at_once": "zero volts at once"}
 MOST_STEPS = 6
 """Largest number of steps printed without --verbose, so that the output fits a screen"""
 
@@ -100,11 +101,9 @@ def _rows(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "device's cause", device_cause
     rate = f", {1 / timing['period_s']:.4g} Hz" if timing else ""
     start = minus(f", from {about['start_s']:g} s") if about["start_s"] else ""
-    closed = about["closed_loop_s"]
-    ended = "then ramp to zero" if about["ramp_s"] else "without a ramp to zero"
-    ramp = "" if closed is None else f" ({closed:.2f} s in closed loop, {ended})"
-    length = f"{about['duration_s']:.2f} s{ramp}"
-    yield "length", f"{length}, {about['samples']} samples{rate}{start}"
+    closed, way = about["closed_loop_s"], WAY_DOWN.get(about["way_down"])
+    parts = f" ({closed:.2f} s in closed loop, then {way})" if way else ""
+    yield "length", f"{about['duration_s']:.2f} s{parts}, {about['samples']} samples{rate}{start}"
     for axis, angle in about["angles"].items():
         reference = "" if angle["reference"] else ", reference not logged"
         if angle["min_deg"] is not None:

@@ -35,5 +35,6 @@ def recover(
             f"lost: {saved.chunks_damaged} damaged chunk{'s' * (saved.chunks_damaged != 1)} "
             f"and {saved.bytes_lost} unreadable bytes"
         )
+    out.warn(*saved.warnings)
     out.note(f"Recording: {saved.path}")
     out.emit({"schema": "heli3dof.recovery/1", **saved.document()})

@@ -7,7 +7,7 @@ example because the program was killed, or if bytes in the middle are unreadable
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers import importer_of
 from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.mcap_files.reader import broken, open_mcap, profile_in, recording_of
-from heli3dof.recording.mcap_files.recover import salvage
+from heli3dof.recording.mcap_files.recover import loss_warnings, losses, salvage
 from heli3dof.recording.motors_cut import motors_cut_warnings
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
@@ -78,10 +78,12 @@ def _salvaged(path: Path, profile: Profile | None) -> tuple[Recording, Recording
     error = broken(path, content)
     if error is None:
         return None
-    _, rows, _ = salvage(path, content)
+    _, rows, chunks_damaged = salvage(path, content)
     if not len(rows):
         return None
-    return recording_of(rows, content, profile or profile_in(content, path), path), error
+    intact = recording_of(rows, content, profile or profile_in(content, path), path)
+    details = {**intact.meta.get("outcome_details", {}), **losses(content, chunks_damaged)}
+    return replace(intact, meta={**intact.meta, "outcome_details": details}), error
 
 
 def summary(recording: Recording) -> dict[str, Any]:
@@ -110,9 +112,9 @@ def summary(recording: Recording) -> dict[str, Any]:
         "name": recording.name,
         "samples": len(recording),
         "start_s": float(recording.t[0]) if len(recording) else None,
-        "duration_s": recording.duration if len(recording) else 0.0,
+        "duration_s": float(np.ptp(recording.t)) if len(recording) else 0.0,
         "closed_loop_s": closed_loop_s(recording),
-        "ramp_s": seconds_in(recording, RAMP_DOWN),
+        "way_down": way_down(recording),
         "timing": asdict(timing(recording.t)) if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
@@ -134,6 +136,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "warnings": [
             *meta.get("warnings", []),
             *([clock] if stuck else []),
+            *loss_warnings(recording.t, meta.get("outcome_details", {})),
             *flight_warnings(recording),
             *motors_cut_warnings(recording),
         ],
@@ -154,19 +157,20 @@ def flight_warnings(recording: Recording) -> list[str]:
 
 def closed_loop_s(recording: Recording) -> float | None:
     """Return for how long in s a flight's loop was closed; None for an imported recording."""
-    return seconds_in(recording, CLOSED_LOOP)
-
-
-def seconds_in(recording: Recording, which: int) -> float | None:
-    """Return the duration in s of a phase of the flight; None for an imported recording.
-
-    ``which``: `CLOSED_LOOP` or `RAMP_DOWN` (the ramp to zero volts).
-    """
     phase = recording.channels.get("phase")
     if phase is None:
         return None
-    t = recording.t[phase == which]
-    return float(t[-1] - t[0]) + recording.profile.dt if len(t) else 0.0
+    t = recording.t[phase == CLOSED_LOOP]
+    return float(np.ptp(t)) + recording.profile.dt if len(t) else 0.0
+
+
+def way_down(recording: Recording) -> str | None:
+    """Return how a flight's voltages went to zero: ``ramp`` or ``at_once``; None: not recorded."""
+    phase = recording.channels.get("phase")
+    volts = recording.voltage[:0] if phase is None else recording.voltage[phase == RAMP_DOWN]
+    if not len(volts):
+        return None
+    return "ramp" if volts[0].any() else "at_once"
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:

@@ -96,6 +96,15 @@ def test_devices_shows_which_process_uses_a_rig(fake: FakeDriver) -> None:
     assert fake.rigs == []
 
 
+@pytest.mark.parametrize("urls", [(), ("fake://1",), ("fake://2",)])
+def test_devices_prints_each_session_once(fake: FakeDriver, urls: tuple[str, ...]) -> None:
+    fake.urls = urls
+    with Session("fake://1", doing="heli3dof run rich"):
+        shown = heli3dof("devices").out
+    assert shown.count("heli3dof run rich") == shown.count("fake://1") == 1
+    assert "no rig found" not in shown
+
+
 @pytest.mark.usefixtures("sound")
 def test_doctor_passes_a_good_rig(fake: FakeDriver) -> None:
     result = heli3dof("doctor")

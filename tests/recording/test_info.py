@@ -41,17 +41,27 @@ def test_the_time_in_closed_loop_counts_lost_samples_but_not_the_ramp() -> None:
     phase = np.repeat([CLOSED_LOOP, RAMP_DOWN], 500).astype(float)
     made = replace(made, channels={**made.channels, "phase": phase})
     kept = np.r_[0:100, 300:1000]
-    about = summary(made.rows(kept))
-    assert about["closed_loop_s"] == pytest.approx(1.0)
-    assert about["ramp_s"] == pytest.approx(1.0)
-    assert "(1.00 s in closed loop, then ramp to zero)" in dict(_rows(about))["length"]
+    assert summary(made.rows(kept))["closed_loop_s"] == pytest.approx(1.0)
 
 
-def test_a_flight_that_a_kill_ended_has_no_ramp() -> None:
-    made = flight(500)
-    closed = np.full(500, float(CLOSED_LOOP))
-    about = summary(replace(made, channels={**made.channels, "phase": closed}))
-    assert "s in closed loop, without a ramp to zero)" in dict(_rows(about))["length"]
+@pytest.mark.parametrize(
+    ("in_ramp", "volts", "way", "text"),
+    [
+        (0, 5.0, None, None),
+        (50, 5.0, "ramp", "ramp to zero"),
+        (50, 0.0, "at_once", "zero volts at once"),
+    ],
+)
+def test_the_rows_show_how_the_voltages_went_to_zero(
+    in_ramp: int, volts: float, way: str | None, text: str | None
+) -> None:
+    made = flight(100)
+    phase = np.where(np.arange(100) < 100 - in_ramp, CLOSED_LOOP, RAMP_DOWN)
+    made = replace(made, channels={**made.channels, "phase": phase})
+    about = summary(changed(made, "voltage", phase == RAMP_DOWN, volts))
+    length = dict(_rows(about))["length"]
+    assert about["way_down"] == way
+    assert (f"s in closed loop, then {text})" in length) == ("closed loop" in length) == bool(way)
 
 
 def test_gaps_are_counted_and_warnings_shown(tmp_path: Path) -> None:
@@ -76,6 +86,7 @@ def test_a_torn_file_is_summarised_up_to_the_tear(tmp_path: Path) -> None:
     assert about["torn"] is True
     assert about["samples"] == 500
     assert about["fix"] == f"heli3dof recover {path}"
+    assert about["warnings"] == [], "the outcome is there, and no sample is lost"
 
 
 def test_a_file_with_wrong_bytes_is_summarised_without_their_chunks(tmp_path: Path) -> None:
@@ -110,6 +121,8 @@ def test_a_recording_without_rows_is_summarised_without_ranges() -> None:
 
 def test_a_stopped_device_clock_gives_a_warning() -> None:
     made = flight(100)
+    backwards = replace(made, t=made.t[::-1])
+    assert summary(backwards)["duration_s"] == pytest.approx(made.duration)
     made = changed(made, "t", slice(50, 60), made.t[50])
     about = summary(made)
     assert about["timing"] is None

@@ -7,6 +7,7 @@ original file is not changed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 
 from heli3dof.errors import RecordingError, quoted
 from heli3dof.recording.atomic_write import check_ending, check_outputs, new_file
+from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, our_format
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, write_rows
 from heli3dof.recording.mcap_files.reader import intact_rows, open_mcap
@@ -36,6 +38,8 @@ class Recovery:
     """Number of bytes that belong to no record, between records or after the last; they are lost"""
     chunks_damaged: int
     """Number of complete chunks that could not be decoded; they are omitted"""
+    warnings: list[str]
+    """What is missing from the flight, as `loss_warnings` returns it"""
 
     def document(self) -> dict[str, Any]:
         """Return the result as a dict with the keys of ``recover --json``, except ``schema``."""
@@ -45,6 +49,7 @@ class Recovery:
             "duration_s": self.seconds,
             "bytes_lost": self.bytes_lost,
             "chunks_damaged": self.chunks_damaged,
+            "warnings": self.warnings,
         }
 
 
@@ -75,20 +80,53 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
     check_ending(output, ".mcap")
     times = rows[SAMPLE.name]["t_s"]
     seconds = float(times[-1] - times[0])
-    result = Recovery(output, len(rows), seconds, found.bytes_lost, chunks_damaged)
+    lost = losses(found, chunks_damaged)
+    warnings = loss_warnings(times, lost)
+    result = Recovery(output, len(rows), seconds, found.bytes_lost, chunks_damaged, warnings)
     before = found.metadata.get(OUTCOME, {})
     outcome = {
         **{k: v for k, v in before.items() if k not in {"outcome", "rows"}},
         "outcome": "recovered",
         "outcome_before": before.get("outcome"),
-        "bytes_lost": result.bytes_lost,
-        "chunks_damaged": result.chunks_damaged,
+        **lost,
         "recovered_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "rows": result.samples,
     }
     with new_file(output, force=force) as stream:
         write_rows(stream, form, rows, {**found.metadata, OUTCOME: outcome})
     return result
+
+
+def losses(found: Scan, chunks_damaged: int) -> dict[str, Any]:
+    """Return what a damaged file has lost, with the keys of a recovered recording's outcome."""
+    return {
+        "bytes_lost": found.bytes_lost,
+        "chunks_damaged": chunks_damaged,
+        "end_missing": OUTCOME not in found.metadata,
+    }
+
+
+def loss_warnings(t: np.ndarray, details: Mapping[str, Any]) -> list[str]:
+    """Return warnings of the samples that a damaged file or a full disk has lost.
+
+    ``t`` (N,): times in s of the samples that are left. ``details``: the recording's
+    ``meta["outcome_details"]``; without `losses` in it, gaps in time count as losses of the line.
+    """
+    found = []
+    if details.get("end_missing") or details.get("rows_lost"):
+        found.append(
+            f"the recording's end is missing: it stops at {t[-1]:.2f} s. Likely cause: the program "
+            "was killed, the disk was full, or the copy is incomplete."
+        )
+    if "chunks_damaged" in details and len(t) > 1 and (np.diff(t) > 0).all():
+        seen = timing(t)
+        if seen.gaps:
+            missing = round(len(t) * seen.lost_share / (1 - seen.lost_share))
+            found.append(
+                f"{missing} samples are missing in {seen.gaps} gap{'s' * (seen.gaps != 1)}, the "
+                f"longest of {seen.longest_gap_s:.3g} s. Likely cause: damaged bytes in the file."
+            )
+    return found
 
 
 def salvage(path: Path, found: Scan) -> tuple[RowFormat, np.ndarray, int]:

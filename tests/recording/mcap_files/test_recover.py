@@ -75,6 +75,8 @@ def test_everything_before_the_tear_is_recovered(tmp_path: Path, whole: Path) ->
     assert result.samples == len(rows) == kept // stride
     assert result.bytes_lost == chunks[2][1] - 5 - (chunks[2][0] - 9)
     assert rows.meta["outcome_details"]["bytes_lost"] == result.bytes_lost
+    assert ["end is missing" in text for text in result.warnings] == [True]
+    assert file_info(path)["warnings"] == file_info(result.path)["warnings"] == result.warnings
 
 
 def test_a_cut_at_any_records_edge_keeps_every_chunk_before_it(tmp_path: Path, whole: Path) -> None:
@@ -117,6 +119,9 @@ def test_a_damaged_chunk_is_dropped_and_counted(tmp_path: Path, whole: Path) -> 
     result = recover(path)
     assert result.chunks_damaged == 1
     assert result.bytes_lost == 0
+    lost = 400 - result.samples
+    assert [f"{lost} samples are missing in 1 gap" in text for text in result.warnings] == [True]
+    assert file_info(result.path)["warnings"] == result.warnings
     back = read_recording(result.path)
     good = read_recording(whole)
     assert 0 < len(back) < len(good)
