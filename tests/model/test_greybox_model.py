@@ -157,6 +157,11 @@ def test_rotor_thrusts_and_delayed_voltages_are_named_states() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("names", "says"), [((), "0 effects>"), (("motor.lag",), "1 effect: ")])
+def test_the_repr_of_a_model_counts_its_effects(names: tuple[str, ...], says: str) -> None:
+    assert says in repr(nominal(default_profile(), names))
+
+
 def test_the_repr_of_a_model_has_at_most_three_lines() -> None:
     for model in (nominal(PROFILE), true_model(), hover_model(PROFILE)):
         assert repr(model).count("\n") < 3
