@@ -179,12 +179,12 @@ def _seed(name: str, value: Any, given: Given) -> int:
 def _positive(name: str, value: Any, given: Given) -> Any:
     """Return ``value`` unchanged, after a check: one or several positive numbers."""
     try:
-        good = all(0 < float(v) < math.inf for v in _several(value))
+        good = all(0 < v < math.inf for v in _several(value))
     except (TypeError, ValueError):
         good = False
     if not good:
         raise UsageError(
-            f"{name} is {value}; it must be positive.",
+            f"{name} is {value!r}; it must be positive.",
             cause="a wrong sign, or text where a number belongs.",
             fix=f"{name} in {'Hz' if name.endswith('_hz') else 'seconds'}, above 0",
         )
@@ -251,15 +251,36 @@ def _path(name: str, value: Any, given: Given) -> Any:
 def _each(check: Conversion) -> Conversion:
     """Return a conversion for an argument that is one object or several objects.
 
-    The conversion calls ``check`` for each object, and returns the argument unchanged.
+    The conversion calls ``check`` for each object. It returns an iterable as a list, and a single
+    object unchanged.
     """
 
     def checked(name: str, value: Any, given: Given) -> Any:
-        for element in _several(value):
+        several = _several(value)
+        for element in several:
             check(name, element, given)
-        return value
+        return value if len(several) == 1 and several[0] is value else several
 
     return checked
+
+
+def _paths(name: str, value: Any, given: Given) -> Any:
+    paths = _each(_path)(name, value, given)
+    if not paths:
+        raise UsageError(
+            "No log was given.",
+            cause=f"the list {name} is empty.",
+            fix="heli3dof.import_log('log.csv', profile)",
+        )
+    return paths
+
+
+def _mapping(name: str, value: Any, given: Given) -> Any:
+    texts = [*value.keys(), *value.values()] if isinstance(value, Mapping) else [None]
+    if not all(isinstance(text, str) for text in texts):
+        wanted = "a dict: column → expression of the log's columns"
+        raise _wrong(name, value, wanted, f"{name}={{'roll_deg': '57.3*x[5]'}}")
+    return value
 
 
 def _metadata(name: str, value: Any, given: Given) -> Any:
@@ -277,6 +298,17 @@ def _function(name: str, value: Any, given: Given) -> Any:
 def _diagnosis(name: str, value: Any, given: Given) -> Any:
     if not (hasattr(value, "verdict") and hasattr(value, "findings")):
         raise _wrong(name, value, "a diagnosis", "heli3dof.diagnose(recording)")
+    return value
+
+
+def _diagnosed(name: str, value: Any, given: Given) -> Any:
+    is_document_with_data = hasattr(value, "document") and hasattr(value, "data")
+    return value if is_document_with_data else _diagnosis(name, value, given)
+
+
+def _identification(name: str, value: Any, given: Given) -> Any:
+    if not (hasattr(value, "found") and hasattr(value, "metrics")):
+        raise _wrong(name, value, "an identification", "heli3dof.identify(recording)")
     return value
 
 
@@ -301,7 +333,9 @@ CONVERSIONS: Mapping[str, Conversion] = {
     "recordings": _recordings,
     "holdout": _recordings,
     "model": _model,
-    "identified": lambda name, value, given: _several(value),
+    "identified": lambda name, value, given: [
+        _identification(name, one, given) for one in _several(value)
+    ],
     "models": _models,
     "seed": _seed,
     "horizons_s": _positives,
@@ -313,13 +347,15 @@ CONVERSIONS: Mapping[str, Conversion] = {
     **dict.fromkeys(("roll", "pitch", "yaw", "settle_s", "duration_s"), _number),
     "budget_min": _number,
     "order": _whole,
-    **dict.fromkeys(("device", "method", "base", "title"), _text),
-    "terms": _each(_text),
+    **dict.fromkeys(("device", "method", "base", "title", "name", "reason"), _text),
+    **dict.fromkeys(("terms", "columns"), _each(_text)),
     **dict.fromkeys(("path", "name_or_path", "output", "folder"), _path),
-    "paths": _each(_path),
+    "paths": _paths,
+    "mapping": _mapping,
     "meta": _metadata,
     **dict.fromkeys(("progress", "each", "opened", "warn"), _function),
     **dict.fromkeys(("found", "d"), _diagnosis),
+    "diagnosed": _diagnosed,
     "comparison": _comparison,
     "document": _diagnosis_document,
 }

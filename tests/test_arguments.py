@@ -204,6 +204,15 @@ def test_a_profile_without_controller_has_no_loop_to_check() -> None:
         (lambda r: h3.load_plan(3), "name_or_path is 3"),
         (lambda r: h3.load_profile(3), "path is 3"),
         (lambda r: h3.import_log([3], r.profile), "paths is 3, not a path"),
+        (lambda r: h3.import_log([], r.profile), "No log was given"),
+        (lambda r: h3.import_log(iter(()), r.profile), "No log was given"),
+        (lambda r: h3.import_log("a.csv", r.profile, mapping="roll_deg=x"), "mapping is 'roll_deg"),
+        (lambda r: h3.import_log("a.csv", r.profile, mapping={"roll_deg": 3}), "mapping is {"),
+        (lambda r: h3.load("a.csv", r.profile, columns=3), "columns is 3, not a text"),
+        (lambda r: h3.compare(r, HOVER, horizons_s="1"), "horizons_s is '1'; it must be"),
+        (lambda r: h3.identify(r, name=3), "name is 3, not a text"),
+        (lambda r: h3.flight_report(r, identified=HOVER), "not an identification"),
+        (lambda r: h3.flight_report(r, diagnosed={"schema": "x"}), "not a diagnosis"),
         (lambda r: h3.save_profile(r.profile, 3), "path is 3"),
         (lambda r: r.profile.with_gain("a"), "no finite numbers"),
         (lambda r: h3.hover_model(None), "profile is None, not a profile"),
@@ -225,6 +234,11 @@ def test_a_wrong_value_is_a_usage_error(
         call(flown)
     assert caught.value.cause
     assert caught.value.fix
+
+
+def test_several_paths_may_come_from_a_generator() -> None:
+    with pytest.raises(h3.RecordingError, match="There is no recording none"):
+        h3.import_log((name for name in ("none.csv",)), h3.default_profile())
 
 
 def test_a_linearisation_needs_a_positive_interval() -> None:

@@ -90,7 +90,7 @@ def test_terms_are_read_as_on_the_command_line(
         assert request.terms == chosen
         raise StopIteration
 
-    method = SimpleNamespace(physical=True, fit=fit)
+    method = SimpleNamespace(physical=True, fit=fit, function="heli3dof:fit")
     monkeypatch.setattr(module, "known_method", lambda name: method)
     with pytest.raises(StopIteration):
         identify(flights[0], terms=terms)

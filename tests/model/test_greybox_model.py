@@ -168,6 +168,11 @@ def test_a_lag_adds_one_pole_and_no_zero_at_any_sampling_interval(tau: float) ->
         np.testing.assert_allclose(G, expected, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize(("names", "says"), [((), "0 effects>"), (("motor.lag",), "1 effect: ")])
+def test_the_repr_of_a_model_counts_its_effects(names: tuple[str, ...], says: str) -> None:
+    assert says in repr(nominal(default_profile(), names))
+
+
 def test_the_repr_of_a_model_has_at_most_three_lines() -> None:
     for model in (nominal(PROFILE), true_model(), hover_model(PROFILE)):
         assert repr(model).count("\n") < 3

@@ -76,7 +76,8 @@ class GreyBoxModel:
         effects = ", ".join(self.terms[:4]) + (", …" if len(self.terms) > 4 else "")
         return (
             f"<GreyBoxModel {self.name!r}: {len(self.values)} parameters,\n"
-            f" {len(self.terms)} effects{': ' * bool(effects)}{effects}>"
+            f" {len(self.terms)} effect{'s' * (len(self.terms) != 1)}"
+            f"{': ' * bool(effects)}{effects}>"
         )
 
     def fly(self, task: LoopTask) -> LoopResult:

@@ -20,7 +20,8 @@ from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, minus, quoted
 from heli3dof.identification.greybox.thrust_scale import Measured
 from heli3dof.identification.profile_update import ratio_unit
-from heli3dof.model.effects import term
+from heli3dof.model.effects import effects, term
+from heli3dof.model.parameter_units import split_unit
 from heli3dof.recording.provenance import run_command
 from heli3dof.report.text.number_format import NONE, fixed, significant
 
@@ -417,6 +418,20 @@ def is_allowed_for(finding: Document) -> bool:
     exact (`heli3dof.integrity.Fault.allowed_for`).
     """
     return is_counted(finding) or bool(finding.get("allowed_for"))
+
+
+def quantity_and_unit(finding: Document, key: str) -> tuple[str, str]:
+    """Return quantity and unit of a cause's parameter ``key``; the unit may be empty.
+
+    The unit is the end of the name, or else that of the installed effect's parameter.
+
+    >>> quantity_and_unit({"effect": "friction.coulomb"}, "torque_Nm")
+    ('torque', 'N·m')
+    """
+    quantity, unit = split_unit(key)
+    effect = effects().get(finding["effect"])
+    stated = {q.name: q.unit for q in effect.parameters} if effect else {}
+    return quantity, unit or stated.get(key, "").replace("–", "")
 
 
 def size_and_std(key: str, estimate: Document) -> tuple[str, str]:

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
-from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document, listed, percent
 from heli3dof.report.text.number_format import fixed
@@ -88,10 +87,11 @@ def causes(document: Document) -> Iterator[str]:
     for n, f in enumerate(_once_each(document)[:MOST_CAUSES], start=1):
         sizes = []
         for key, estimate in f["parameters"].items():
-            parameter, unit = split_unit(key)
+            parameter, unit = words.quantity_and_unit(f, key)
             value, std = words.size_and_std(key, estimate)
             size = f"{value} ± {std}" if std else value
             sizes.append(f"{parameter.replace('_', ' ')} {size}{' ' * bool(unit)}{unit}")
+        what_and_size = ", ".join([name_of(f), *sizes])
         untested = words.untested(document, f)
         known = f["confidence"] is not None and not untested
         others = [str(x) for x in f["tied_with"]]
@@ -102,9 +102,9 @@ def causes(document: Document) -> Iterator[str]:
         like = "; not tested (--quick)" if untested else like
         if words.is_allowed_for(f):  # last (`heli3dof.diagnosis.result.in_order`)
             how = "counted" if words.is_counted(f) else "known from the time stamps"
-            yield f"In the recording: {name_of(f)}, {', '.join(sizes)} ({how})."
+            yield f"In the recording: {what_and_size} ({how})."
             continue
-        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{confounded}{sure}{like}."
+        yield f"Cause {n}: {what_and_size}{confounded}{sure}{like}."
 
 
 def _once_each(document: Document) -> list[Document]:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
-from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document
 from heli3dof.report.text.number_format import NONE, fixed, significant
@@ -82,7 +81,7 @@ def findings(document: Document) -> Grid:
     for f in document["findings"]:
         gain = fixed(f["gain"]["holdout_log_likelihood"], 0)
         for key, estimate in f["parameters"].items() or [("", {"value": None, "std": None})]:
-            parameter, unit = split_unit(key)
+            parameter, unit = words.quantity_and_unit(f, key)
             size = words.size_and_std(key, estimate)
             rows.append([name_of(f), parameter, *size, unit, gain])
             gain = ""

@@ -9,7 +9,10 @@ from typing import Any
 import pytest
 
 from heli3dof.axes import AXES
+from heli3dof.model.effects import Effect, Parameter
+from heli3dof.report.text import diagnosis_sentences
 from heli3dof.report.text.diagnosis_summary import diagnosis_summary
+from heli3dof.report.text.diagnosis_tables import findings
 from tests.golden.commands import KEPT
 
 MOST_LINES = 10
@@ -124,6 +127,28 @@ def test_a_counted_share_is_no_cause_and_has_no_standard_deviation() -> None:
     assert "In the recording: timing.gaps, lost share 0.03977 (counted)." in lines
     document["verdict"], document["findings"] = "explained", document["findings"][:1]
     assert "Only lost samples were found" in diagnosis_summary(document)[0]
+
+
+def test_a_unit_that_the_parameters_name_lacks_is_that_of_the_effect(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    c = Parameter("coefficient", "N·m/(rad/s)", 0.0, -1.0, 1.0, 0.1, "c")
+    ours = Effect("torque.ours", "a torque", (c,), {}, AXES)
+    monkeypatch.setattr(diagnosis_sentences, "effects", lambda: {ours.name: ours})
+    document = deepcopy(kept("diagnose.json"))
+    sizes = {"coefficient": {"value": 0.507, "std": 0.018}}
+    document["findings"][0] |= {"effect": ours.name, "axis": "yaw", "parameters": sizes}
+    text = "\n".join(diagnosis_summary(document))
+    assert "torque.ours.yaw, coefficient 0.507 ± 0.018 N·m/(rad/s)" in text
+    assert "N·m/(rad/s)" in [row[4] for row in findings(document).rows]
+    document["findings"][0]["effect"] = "no.such"  # of a package that is not installed
+    assert "no.such.yaw, coefficient 0.507 ± 0.018" in "\n".join(diagnosis_summary(document))
+
+
+def test_a_cause_without_parameters_has_no_size() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    document["findings"][0] |= {"effect": "no.such", "axis": None, "parameters": {}}
+    assert not [line for line in diagnosis_summary(document) if "no.such," in line]
 
 
 def test_jitter_of_exact_time_stamps_is_no_cause() -> None:
