@@ -10,6 +10,7 @@ import importlib
 import logging
 import pkgutil
 import re
+import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -40,8 +41,8 @@ def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
             use(point.load())
         except (Exception, SystemExit) as error:  # a plug-in may raise anything
             logging.getLogger("heli3dof").warning(
-                "Warning: the %s %s (%s) does not load: %s. It is left out.",
-                kind, point.name, point.value, error,
+                "Warning: the %s %s (%s) does not load: %s. It is left out. Correct %s",
+                kind, point.name, point.value, in_a_line(error), where(error, point.value),
             )  # fmt: skip
 
 
@@ -69,6 +70,47 @@ def plugin_errors(error: type[Heli3dofError], what: str, module: str) -> Iterato
             cause=f"a bug in its package, {package}{lines[-1] if lines else ''}",
             fix=f"correct {package}, or report the bug to its author",
         ) from problem
+
+
+class CodeError(Exception):
+    """Raised if a function of a plug-in is wrong or does not compile.
+
+    ``where`` is the function's ``file:line``.
+    """
+
+    def __init__(self, what: str, where: str) -> None:
+        super().__init__(what)
+        self.where = where
+
+
+def source_line(function: Callable[..., Any]) -> str:
+    """Return ``file:line`` of a function."""
+    code = getattr(function, "__code__", None)
+    return f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
+
+
+def in_a_line(error: BaseException) -> str:
+    """Return the kind of an error and the first 300 characters of its text, without line breaks."""
+    kind = "" if isinstance(error, CodeError) else f"{type(error).__name__}: "
+    return f"{kind}{' '.join(str(error).split())[:300].rstrip('.')}"
+
+
+def where(error: BaseException, entry_point: str) -> str:
+    """Return where the plug-in ``entry_point`` (``module:object``) caused ``error``: ``file:line``.
+
+    That is the line of the plug-in's package that ran last. Without such a line, the result is the
+    file of the module, or ``entry_point`` if the module was not imported.
+    """
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}:{error.lineno}"
+    if isinstance(error, CodeError):
+        return error.where
+    module = entry_point.partition(":")[0]
+    package = module.partition(".")[0]
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
+            return f"{frame.f_code.co_filename}:{line}"
+    return getattr(sys.modules.get(module), "__file__", None) or entry_point
 
 
 def must_be(expected: type, plugin: object) -> None:

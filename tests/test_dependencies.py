@@ -17,6 +17,7 @@ MAY_IMPORT = {
     "arguments": {"errors", "rig", "recording", "model", "experiment", "paper"},
     "file_kind": {"errors"},
     "axes": set(),
+    "effect_names": {"axes"},
     "arrays": set(),
     "distributions": set(),
     "toml_file": {"errors", "file_kind"},
@@ -31,7 +32,8 @@ MAY_IMPORT = {
         "write_errors",
     },
     "model": {
-        "errors", "file_kind", "json_values", "arrays", "axes", "plugins", "rig", "recording",
+        "errors", "file_kind", "json_values", "arrays", "axes", "effect_names", "plugins", "rig",
+        "recording",
     },
     "experiment": {
         "errors", "arrays", "axes", "plugins", "toml_file", "rig", "recording", "model",
@@ -41,7 +43,10 @@ MAY_IMPORT = {
         "errors", "file_kind", "json_values", "results", "arrays", "axes", "distributions",
         "parallel", "plugins", "stage_clock", "rig", "recording", "model",
     },
-    "effect_files": {"errors", "file_kind", "axes", "rig", "model", "identification"},
+    "effect_files": {
+        "errors", "file_kind", "axes", "effect_names", "plugins", "rig", "model",
+        "identification",
+    },
     "comparison": {
         "errors", "json_values", "results", "arrays", "axes", "rig", "recording", "model",
         "identification",

@@ -143,6 +143,14 @@ class Setup:
     jitter_s: float = 0.0
     """s, standard deviation of the sampling instants about the even grid"""
 
+    def vector(self, rad_per_count: np.ndarray) -> np.ndarray:
+        """Return `Body.vector` with the rest angles, the stops and the encoders' resolution."""
+        b = self.body.vector()
+        b[at.REST : at.REST + 3], b[at.LOW : at.LOW + 3] = self.rest, self.low
+        b[at.HIGH : at.HIGH + 3] = self.high
+        b[at.COUNTS_PER_RAD : at.COUNTS_PER_RAD + 3] = 1 / rad_per_count
+        return b
+
 
 def setup_of(profile: Profile, start: str) -> Setup:
     """Return the emulated rig of a profile, at rest on its table or level.

@@ -56,7 +56,7 @@ def _parse_one(text: str) -> Hidden:
             f"{did_you_mean(name, _names(known.values()))}",
             fix="docs/reference/mock.md lists every effect with its unit and an example",
         )
-    return Hidden(effect, _axis(effect, axis_name, text), _values(effect, values, text))
+    return Hidden(effect, _axis(effect, axis_name, text), values_of(effect, values, text))
 
 
 def _names(effects: Iterable[Effect]) -> list[str]:
@@ -83,7 +83,8 @@ def _axis(effect: Effect, name: str, text: str) -> int:
     return AXES.index(name)
 
 
-def _values(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
+def values_of(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
+    """Return the parameters in ``text``, such as ``0.05@20``; ``whole``: the text for messages."""
     given = text.split("@") if text else []
     form = "@".join(p.name for p in effect.parameters)
     if len(given) > len(effect.parameters):

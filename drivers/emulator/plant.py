@@ -95,11 +95,7 @@ class Plant:
         self._timing = streams[2]
         self._start_V = float(start_V)
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
-        self._body = setup.body.vector()
-        self._body[at.REST : at.REST + 3] = setup.rest
-        self._body[at.LOW : at.LOW + 3] = setup.low
-        self._body[at.HIGH : at.HIGH + 3] = setup.high
-        self._body[at.COUNTS_PER_RAD : at.COUNTS_PER_RAD + 3] = 1 / rad_per_count
+        self._body = setup.vector(rad_per_count)
         hover = setup.body.T_g / (2 * setup.body.L_a) if start_V else 0.0
         self._state = np.array([*setup.start, 0.0, 0.0, 0.0, hover, hover])
         self._w = np.zeros(3)

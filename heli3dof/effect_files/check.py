@@ -12,12 +12,15 @@ import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from heli3dof.effect_names import name_mistake
 from heli3dof.errors import RecordingError, quoted
 from heli3dof.file_kind import no_file
 from heli3dof.model.effects import Effect, Parameter, all_names, effects, plug_ins
+from heli3dof.model.effects.empirical import empirical_effect
 from heli3dof.model.effects.equation_check import ADDED, adds_nothing, equation_mistakes
 from heli3dof.model.parameter_units import NAMED, SUPERSCRIPTS, UNITS, named_unit
-from heli3dof.model.physics.compiled_effects import HookError, address
+from heli3dof.model.physics.compiled_effects import address
+from heli3dof.plugins import CodeError
 
 KNOWN_UNITS = {u.replace("deg", "°") for u in UNITS}
 
@@ -63,7 +66,7 @@ def problems(effect: Effect, plans: Collection[str]) -> list[str]:
     try:
         for hook in effect.hooks.values():
             address(hook)
-    except HookError as error:
+    except CodeError as error:
         return [*found, str(error)]
     if mistakes := equation_mistakes(effect):
         return found + mistakes
@@ -93,13 +96,21 @@ def unit_problems(p: Parameter) -> Iterator[str]:
 
 
 def _wrong_names(effect: Effect, plans: Collection[str]) -> Iterator[str]:
-    same = effects().get(effect.name)
+    same = effects().get(effect.name) or empirical_effect(effect.name)
+    if not same and (mistake := name_mistake(effect.name)):
+        yield f"name: {mistake}"
     if same and same.name not in plug_ins() and _files(same) != _files(effect):
         yield f"name: heli3dof has an effect {effect.name!r} already; choose another name."
     known = {*effects(), *all_names()}
     for other in effect.confused_with:
         if other not in known:
             yield f"confused_with: there is no effect {other!r}: heli3dof effect list"
+    for key, other in (("within", effect.within), ("requires", effect.requires)):
+        if other and other not in all_names():
+            yield (
+                f"{key}: {other!r} is not the name of an effect, with the axis if it has one: "
+                "heli3dof effect list"
+            )
     if effect.separated_by and effect.separated_by not in plans:
         yield f"separated_by: there is no plan {effect.separated_by!r}: heli3dof plans"
 

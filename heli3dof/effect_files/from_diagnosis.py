@@ -52,9 +52,9 @@ class Formula:
 
     @property
     def name(self) -> str:
-        """Return the effect's name, such as ``torque.voltage_front_times_voltage_back``."""
+        """Return the effect's name, such as ``torque.voltage_front_times_voltage_back_on_yaw``."""
         words = re.sub(r"[^a-z_*]", "_", self.product).strip("_")
-        return f"torque.{re.sub('_+', '_', words.replace('*', '_times_'))}"
+        return f"torque.{re.sub('_+', '_', words.replace('*', '_times_'))}_on_{self.axis}"
 
     @property
     def unit(self) -> str:

@@ -6,13 +6,10 @@ with this effect then tests the model's equation independently.
 
 from __future__ import annotations
 
-import re
-
 from heli3dof.effect_files.from_diagnosis import module_name, pyproject
+from heli3dof.effect_names import name_mistake
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import effects
-
-NAME = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 
 
 def template_files(name: str) -> dict[str, str]:
@@ -20,10 +17,10 @@ def template_files(name: str) -> dict[str, str]:
 
     Raises UsageError if no effect can have this name, or another effect has it.
     """
-    if not NAME.fullmatch(name):
+    if mistake := name_mistake(name):
         raise UsageError(
             f"{name!r} is no name of an effect.",
-            cause="a name has words of small letters, digits and _, separated by dots.",
+            cause=mistake,
             fix="heli3dof effect new magnet.detent",
         )
     if name in effects():

@@ -11,7 +11,7 @@ from heli3dof.model.effects import effects
 from tests.cli.running import heli3dof
 from tests.effect_files.test_from_diagnosis import DIAGNOSIS, write
 
-FOLDER = "heli3dof-torque-voltage-front-times-voltage-back"
+FOLDER = "heli3dof-torque-voltage-front-times-voltage-back-on-pitch"
 
 
 def test_effect_new_writes_a_package_that_registers_the_effect(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_effect_new_writes_a_package_that_registers_the_effect(tmp_path: Path) -
     result = heli3dof("effect", "new", "--from", source, "-o", tmp_path, "--json")
     assert result.code == 0, result.err
     (written,) = result.document["written"]
-    assert written["effect"] == "torque.voltage_front_times_voltage_back.pitch"
+    assert written["effect"] == "torque.voltage_front_times_voltage_back_on_pitch.pitch"
     project = tomllib.loads((tmp_path / FOLDER / "pyproject.toml").read_text(encoding="utf-8"))
     (entry,) = project["project"]["entry-points"]["heli3dof.effects"].values()
     assert (tmp_path / FOLDER / f"{entry.split(':')[0]}.py").exists()
@@ -56,7 +56,9 @@ def test_effect_new_writes_an_effect_to_begin_with(tmp_path: Path) -> None:
     assert heli3dof("effect", "check", folder / "heli3dof_magnet_detent.py").code == 0
 
 
-@pytest.mark.parametrize("given", [(), ("magnet", "--from", "d.json"), ("Magnet",), ("motor.lag",)])
+@pytest.mark.parametrize(
+    "given", [(), ("magnet", "--from", "d.json"), ("Magnet",), ("motor.lag",), ("drag.yaw",)]
+)
 def test_effect_new_needs_a_free_name_or_a_diagnosis(given: tuple[str, ...]) -> None:
     result = heli3dof("effect", "new", *given)
     assert result.code == 2

@@ -133,9 +133,23 @@ def test_a_file_can_be_checked_again_without_a_change(tmp_path: Path) -> None:
     assert problems(effect_of_file(file), named_plans()) == []
 
 
+@pytest.mark.parametrize(
+    "name", ["My Effect!", "drag.yaw", "drag.quadratic.travel", "empirical.yaw_rate"]
+)
+def test_a_name_that_is_no_effect_s_is_refused(name: str) -> None:
+    (found,) = problems(replace(SOUND, name=name), named_plans())
+    assert found.startswith("name: ")
+
+
 def test_unknown_names_are_named() -> None:
-    found = problems(replace(SOUND, confused_with=("motor.lags",), separated_by="x"), ("rich",))
-    assert [f.split(":")[0] for f in found] == ["confused_with", "separated_by"]
+    wrong = replace(
+        SOUND, confused_with=("motor.lags",), separated_by="x", within="friction.coulomb",
+        requires="motor.lags",
+    )  # fmt: skip
+    found = problems(wrong, ("rich",))
+    assert [f.split(":")[0] for f in found] == [
+        "confused_with", "within", "requires", "separated_by"
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from heli3dof.axes import AXES
 from heli3dof.effect_files.from_diagnosis import Formula, package_files, read_formulas
+from heli3dof.effect_names import name_mistake
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.effects import term
+from heli3dof.model.effects.empirical import QUANTITIES
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.model_file import save_model
 from heli3dof.model.physics import state_layout as at
@@ -45,6 +48,12 @@ def write(path: Path, document: object) -> Path:
 
 def test_a_diagnosis_gives_its_formulas(tmp_path: Path) -> None:
     assert read_formulas(write(tmp_path / "d.json", DIAGNOSIS)) == [PRODUCT]
+
+
+def test_each_axis_and_product_has_its_own_valid_name() -> None:
+    names = [Formula(axis, product, 0.1, 0.0).name for product in QUANTITIES for axis in AXES]
+    assert len(set(names)) == len(names)
+    assert not any(map(name_mistake, names))
 
 
 def test_an_extended_model_gives_its_formulas(tmp_path: Path) -> None:

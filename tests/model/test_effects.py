@@ -231,6 +231,15 @@ def test_a_mistake_in_a_parameter_is_stated(wrong: dict[str, float], message: st
         ({"parameters": SIZE}, "a single one needs a comma"),
         ({"axes": ("travel",)}, "axes contains 'travel'; axes are roll, pitch, yaw"),
         ({"hooks": {"torque": print}}, "not Stage.TORQUE"),
+        ({"hooks": {at.Stage.TORQUE: "print"}}, "contains 'print', not a function"),
+        ({"parameters": (SIZE, SIZE)}, "two parameters have the name 'torque_Nm'"),
+        (
+            {"parameters": tuple(replace(SIZE, name=f"p{i}") for i in range(at.PARAMETERS))},
+            "more than 9 parameters",
+        ),
+        ({"probes": ((0.1,), (0.1, 0.2))}, r"probes contains \(0.1, 0.2\), with 2 values"),
+        ({"scan": "frequency"}, "needs a second parameter"),
+        ({"starts": (5.0, 1.0)}, "starts does not ascend"),
         ({"evidence": "yaw_angle"}, "evidence is 'yaw_angle', which is none of roll, pitch"),
     ],
 )

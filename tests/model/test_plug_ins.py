@@ -106,10 +106,24 @@ def test_a_model_file_without_its_plug_in_names_the_package_to_install(
         (WOBBLE.format(body="par[1] * s[3] ** 0.5"), 4, "TORQUE: the equation gives a number that"),
         (WOBBLE.format(body="0.1"), 4, "adds a torque although each parameter has its null"),
         (WOBBLE.replace("out[0]", "out[3]").format(body="par[1]"), 4, "index 3 is outside"),
+        (SOUND.replace('acme.wobble"', 'drag.quadratic.yaw"'), 0, "ends in an axis"),
+        (SOUND.replace("-1.0, 1.0", "1.0, 0.0"), 9, "low is 1, not below high"),
         ("EFFECT = 3\n", 0, "it is a int, not an Effect"),
         ("raise SystemExit\n", 1, "SystemExit"),
     ],
-    ids=["import", "syntax", "type", "name", "nan", "null", "index", "kind", "exit"],
+    ids=[
+        "import",
+        "syntax",
+        "type",
+        "name",
+        "nan",
+        "null",
+        "index",
+        "axis",
+        "bounds",
+        "kind",
+        "exit",
+    ],
 )
 def test_a_broken_plug_in_is_named_with_its_file_and_left_out(
     code: str, line: int, why: str, install: Install, tmp_path: Path,
@@ -124,7 +138,8 @@ def test_a_broken_plug_in_is_named_with_its_file_and_left_out(
     warned = caplog.text
     assert "the plug-in acme_wobble:EFFECT of the package acme-wobble 1.2 does not load" in warned
     assert why in warned
-    assert not line or f"acme_wobble.py:{line}" in warned
+    assert f"acme_wobble.py:{line}" * bool(line) in warned
+    assert "Correct " + str(tmp_path / "site1" / "acme_wobble.py") in warned
     assert "pip uninstall acme-wobble" in warned
     with pytest.raises(RecordingError) as caught:
         read_model(path)

@@ -9,9 +9,11 @@ from heli3dof.axes import AXES
 
 from ..body import Setup
 from ..plant_effects import Kernel
-from ..plant_layout import Stage
+from ..plant_layout import PARAMETER_SIZE, A, Stage
 
 ALL_AXES = AXES
+MOST_PARAMETERS = PARAMETER_SIZE - A
+"""Largest number of an effect's parameters: the row of `plant_layout` also contains the axis"""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,20 @@ class Effect:
     kernels: Mapping[Stage, Kernel] = field(default_factory=dict)
     setup: Callable[[Setup, int, tuple[float, ...]], Setup] | None = None
     order: int = 0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.parameters, tuple):
+            raise TypeError(f"{self.name}: parameters is not a tuple; a single one needs a comma")
+        if len(self.parameters) > MOST_PARAMETERS:
+            raise ValueError(f"{self.name}: more than {MOST_PARAMETERS} parameters")
+        if wrong := [a for a in self.axes if a not in AXES]:
+            raise ValueError(f"{self.name}: axes contains {wrong[0]!r}; axes are {', '.join(AXES)}")
+        if not all(isinstance(stage, Stage) for stage in self.kernels):
+            raise TypeError(
+                f"{self.name}: the keys of kernels are not Stage.TORQUE or another Stage"
+            )
+        if not self.kernels and self.setup is None:
+            raise ValueError(f"{self.name}: there is neither a kernel nor a setup, so no effect")
 
 
 @dataclass(frozen=True)

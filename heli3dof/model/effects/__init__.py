@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import logging
-import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 
 from heli3dof.axes import ALIASES, AXES
+from heli3dof.effect_names import name_mistake
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects.base import Effect, Parameter, Term
 from heli3dof.model.effects.empirical import empirical_effect
 from heli3dof.model.effects.equation_check import equation_mistakes
-from heli3dof.model.physics.compiled_effects import HookError, address, source_line
+from heli3dof.model.physics.compiled_effects import address
 from heli3dof.model.physics.state_layout import Stage
-from heli3dof.plugins import modules_of
+from heli3dof.plugins import CodeError, in_a_line, modules_of, source_line, where
 
 __all__ = ["Effect", "Parameter", "Stage", "Term", "effects", "plug_ins", "term", "terms"]
 
@@ -71,18 +71,19 @@ def _all() -> _Catalogue:
             effect = point.load()
             if not isinstance(effect, Effect):
                 raise TypeError(f"it is a {type(effect).__name__}, not an Effect")
-            if effect.name in ours:
+            if effect.name in ours or empirical_effect(effect.name):
                 raise ValueError(f"there is an effect {effect.name!r} already")
+            if mistake := name_mistake(effect.name):
+                raise ValueError(mistake)
             for hook in effect.hooks.values():
                 address(hook)
             if mistakes := equation_mistakes(effect):
-                raise HookError(mistakes[0], source_line(next(iter(effect.hooks.values()))))
+                raise CodeError(mistakes[0], source_line(next(iter(effect.hooks.values()))))
         except (Exception, SystemExit) as error:
-            result.broken.append(f"{plug_in} does not load: {_in_a_line(error)}")
+            result.broken.append(f"{plug_in} does not load: {in_a_line(error)}")
             logging.getLogger("heli3dof").warning(
                 "Warning: %s, and its effects are not available. Correct %s, or: pip uninstall %s",
-                result.broken[-1], _where(error) or point.value, plug_in.distribution or
-                point.value,
+                result.broken[-1], where(error, point.value), plug_in.distribution or point.value,
             )  # fmt: skip
             continue
         ours[effect.name] = effect
@@ -103,22 +104,6 @@ def plug_ins() -> Mapping[str, PlugIn]:
 def broken() -> list[str]:
     """Return one error message for each effect plug-in that did not load."""
     return list(_all().broken)
-
-
-def _where(error: BaseException) -> str:
-    """Return where an error occurred in a plug-in's code, as ``file:line``; "" if elsewhere."""
-    if isinstance(error, SyntaxError) and error.filename:
-        return f"{error.filename}:{error.lineno}"
-    if isinstance(error, HookError):
-        return error.where
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if "importlib" not in f.filename and f.filename != __file__]
-    return f"{own[-1].filename}:{own[-1].lineno}" if own else ""
-
-
-def _in_a_line(error: BaseException) -> str:
-    kind = "" if isinstance(error, HookError) else f"{type(error).__name__}: "
-    return f"{kind}{' '.join(str(error).split())[:300].rstrip('.')}"
 
 
 def term(name: str) -> Term:

@@ -14,7 +14,7 @@ from typing import Literal
 
 from heli3dof.axes import AXES
 from heli3dof.model.physics.compiled_effects import Hook
-from heli3dof.model.physics.state_layout import Stage
+from heli3dof.model.physics.state_layout import PARAMETERS, A, Stage
 
 ABSCISSAE = (
     "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
@@ -147,10 +147,29 @@ class Effect:
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, tuple):
             raise TypeError(f"{self.name}: parameters is not a tuple; a single one needs a comma")
+        names = [p.name for p in self.parameters]
+        if len(names) > PARAMETERS - A:
+            raise ValueError(f"{self.name}: more than {PARAMETERS - A} parameters")
+        if repeated := [n for n in names if names.count(n) > 1]:
+            raise ValueError(f"{self.name}: two parameters have the name {repeated[0]!r}")
+        if wrong_probes := [p for p in self.probes if not 1 <= len(p) <= len(names)]:
+            raise ValueError(
+                f"{self.name}: probes contains {wrong_probes[0]}, with {len(wrong_probes[0])} "
+                f"values; the effect has {len(names)} parameter(s)"
+            )
+        if self.scan not in ("", "frequency", "instant") or (self.scan and len(names) < 2):
+            raise ValueError(
+                f"{self.name}: scan is {self.scan!r}; it must be frequency or instant, which needs "
+                "a second parameter"
+            )
+        if list(self.starts) != sorted(self.starts):
+            raise ValueError(f"{self.name}: starts does not ascend")
         if wrong := [a for a in self.axes if a not in AXES]:
             raise ValueError(f"{self.name}: axes contains {wrong[0]!r}; axes are {', '.join(AXES)}")
         if not all(isinstance(stage, Stage) for stage in self.hooks):
             raise TypeError(f"{self.name}: the keys of hooks are not Stage.TORQUE or another Stage")
+        if wrong_hooks := [hook for hook in self.hooks.values() if not callable(hook)]:
+            raise TypeError(f"{self.name}: hooks contains {wrong_hooks[0]!r}, not a function")
         known = (*ABSCISSAE, "{axis}", "{axis}_rate")
         if self.evidence and self.evidence not in known:
             raise ValueError(

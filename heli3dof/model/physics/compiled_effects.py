@@ -16,18 +16,9 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from heli3dof.plugins import CodeError, source_line
+
 Hook = Callable[[Any, Any, Any, Any], None]
-
-
-class HookError(Exception):
-    """Raised if an effect's function does not compile or its equation is wrong.
-
-    ``where`` is the function's ``file:line``.
-    """
-
-    def __init__(self, what: str, where: str) -> None:
-        super().__init__(what)
-        self.where = where
 
 
 @cache
@@ -43,13 +34,7 @@ def _code(function: Hook) -> Any:
         return numba.cfunc(signature, cache=importable, error_model="numpy")(function)
     except Exception as error:  # numba's passes raise errors of many types
         where = source_line(function)
-        raise HookError(f"{where} does not compile: {error}", where) from error
-
-
-def source_line(function: Hook) -> str:
-    """Return ``file:line`` of a function."""
-    code = getattr(function, "__code__", None)
-    return f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
+        raise CodeError(f"{where} does not compile: {error}", where) from error
 
 
 def address(function: Hook) -> int:
