@@ -15,6 +15,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.confounded_parameters import separable_by_flight
 from heli3dof.diagnosis.conclusion.wrong_lengths import is_far
+from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import LIKE_SUFFIX
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError, minus, quoted
@@ -44,6 +45,7 @@ WITH_REFIT = (
     "Refitted parameters explain one part of the simulation error, the causes below the rest."
 )
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
+ERROR_IS_LARGER = "No effect explains the simulation error, which exceeds the noise on {}."
 NOISE_IS_LARGER = "No effect was found, but the fitted noise may hide one on {}."
 WRONG_PROFILE = "A wrong length or mass in the profile is likely: correct it before searching on."
 UNCONFIRMED = "A further effect ({}) would fit better, but {}."
@@ -108,6 +110,8 @@ def verdict(document: Document) -> str:
             meaning = NOISE_UNKNOWN
         elif noisy := noisy_axes(document):
             meaning = NOISE_IS_LARGER.format(listed(noisy))
+        elif unexplained := axes_beyond_noise(document):
+            meaning = ERROR_IS_LARGER.format(listed(unexplained))
         if dropped := document.get("dropped", ()):
             reasons = dict.fromkeys(reason_against(document, x) for x in dropped)
             names = listed([str(x["effect"]) for x in dropped], "or")
@@ -160,6 +164,15 @@ def noisy_axes(document: Document) -> list[str]:
         axis
         for axis, e in document["simulation_error"].items()
         if number(e["noise_floor_deg"]) > NOISE_EXCESS * number(e["rmse_deg"])
+    ]
+
+
+def axes_beyond_noise(document: Document) -> list[str]:
+    """Return the axes on which noise causes less than half of the mean square simulation error."""
+    return [
+        axis
+        for axis, e in document["simulation_error"].items()
+        if number(e["rmse_deg"]) ** 2 > 2 * number(e["noise_floor_deg"]) ** 2
     ]
 
 
@@ -301,12 +314,18 @@ def calibration_doubts(document: Document) -> Iterator[str]:
     doubtful = not_significantly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
-        spread = fixed(100 * number(c["std"]) / abs(c["nominal"]), 1, " %")
+        std = number(c["std"]) / abs(c["nominal"])
+        tolerance = f"the tolerance of {100 * c['tolerance']:g} %"
+        reason = f"is not significantly beyond {tolerance}, so it is no finding"
+        if abs(off) - c["tolerance"] > SIGMAS_95 * std:
+            reason = (
+                f"exceeds {tolerance}. It is no finding: held-out data do not confirm it, or an "
+                "unmodelled effect may cause it"
+            )
         yield (
             f"{c['parameter']} is estimated {fixed(100 * abs(off), 1, ' %')} "
-            f"{'above' if off > 0 else 'below'} the profile's value (± {spread}). This is not "
-            f"significantly beyond the tolerance of {100 * c['tolerance']:g} %, so it is no "
-            "finding."
+            f"{'above' if off > 0 else 'below'} the profile's value (± "
+            f"{fixed(100 * std, 1, ' %')}). This {reason}."
         )
     if doubtful:
         yield (
@@ -715,9 +734,11 @@ def next_steps(document: Document) -> Iterator[str]:
     elif reason := document.get("about", {}).get("no_next_experiment"):
         yield f"No next experiment is recommended: {reason}."
     elif document["verdict"] == "nothing_found":
+        why = "A larger flight shows smaller effects"
+        if axes_beyond_noise(document):
+            why = "A larger flight may show the cause"
         yield (
-            f"A larger flight shows smaller effects: {_fly(document, 'large')}, then diagnose it "
-            "together with these recordings."
+            f"{why}: {_fly(document, 'large')}, then diagnose it together with these recordings."
         )
     elif likely:
         yield (

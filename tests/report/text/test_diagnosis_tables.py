@@ -229,8 +229,14 @@ def test_an_inertia_far_from_nominal_shows_a_mistake_in_the_profile(
 
 def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
     document = changed(verdict="nothing_found", findings=[], leftover=[])
+    errors = document["simulation_error"].values()
+    for e in errors:
+        e["noise_floor_deg"] = e["rmse_deg"]
     assert "No simulation error beyond noise was found." in text_of(document)
-    for e in document["simulation_error"].values():
+    document["simulation_error"]["pitch"]["noise_floor_deg"] /= 3
+    found = "No effect explains the simulation error, which exceeds the noise on pitch."
+    assert found in text_of(document)
+    for e in errors:
         e["noise_floor_deg"] = None
     gain = {"holdout_rmse_deg": {"before": {"pitch": 6.89}, "after": {"pitch": 5.79}}}
     text = text_of({**document, "calibration_gain": gain, "ratios": []})
@@ -272,7 +278,7 @@ def test_without_findings_no_gain_is_reported() -> None:
             next_experiment=None,
         )
     )
-    assert VERDICTS["nothing_found"] in text
+    assert "Verdict: nothing found." in text
     assert "Gain" not in text
     assert "Next experiment" not in text
 
@@ -336,6 +342,8 @@ def test_a_noise_floor_above_the_error_gives_a_warning() -> None:
 def test_nothing_found_states_the_axes_whose_noise_may_hide_an_effect() -> None:
     noisy = changed(verdict="nothing_found", findings=[], leftover=[], calibration=[])
     beyond_noise = "No simulation error beyond noise was found."
+    for e in noisy["simulation_error"].values():
+        e["noise_floor_deg"] = e["rmse_deg"]
     assert beyond_noise in text_of(noisy)
     noisy["simulation_error"]["yaw"]["noise_floor_deg"] = 24.0
     assert "the fitted noise may hide one on yaw" in text_of(noisy)
@@ -441,6 +449,8 @@ def test_a_parameter_insignificantly_beyond_its_tolerance_is_no_finding() -> Non
     )
     assert "But T_g may be off" in text
     assert "To settle T_g: weigh" in text
+    plain["calibration"] = [{**row, "std": 0.01, "beyond_tolerance": "not_surely"}]
+    assert "(± 1.0 %). This exceeds the tolerance of 15 %. It is no finding:" in text_of(plain)
     for clear in ("no", "surely"):
         plain["calibration"] = [{**row, "beyond_tolerance": clear}]
         assert "not significantly" not in text_of(plain)
