@@ -12,12 +12,13 @@ import difflib
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_group
 
 from heli3dof.cli import output_encoding
 from heli3dof.cli.estop import estop_without_typer
@@ -148,7 +149,16 @@ def _register_all() -> None:
     for module in modules_of("heli3dof.cli"):
         if hasattr(module, "register"):
             module.register(app)
-    use_plugins(GROUP, "verb", lambda register: register(app))
+
+    def add(register: Callable[[typer.Typer], None]) -> None:
+        own = typer.Typer()
+        register(own)
+        if taken := get_group(own).commands.keys() & get_group(app).commands.keys():
+            raise ValueError(f"there is a verb {min(taken)!r} already")
+        app.registered_commands += own.registered_commands
+        app.registered_groups += own.registered_groups
+
+    use_plugins(GROUP, "verb", add)
 
 
 _register_all()

@@ -78,19 +78,29 @@ def plug_in_verb(app: typer.Typer) -> None:
         """Greet."""
 
 
+def plug_in_run(app: typer.Typer) -> None:
+    app.command("run")(plug_in_verb)
+    app.command("other")(plug_in_verb)
+
+
 def test_verbs_of_other_packages_are_registered_and_a_broken_one_is_a_warning(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     points = [
         EntryPoint("ends", "sys:exit", command_line.GROUP),
         EntryPoint("hello", f"{__name__}:plug_in_verb", command_line.GROUP),
+        EntryPoint("again", f"{__name__}:plug_in_run", command_line.GROUP),
         EntryPoint("broken", "no_such_package:register", command_line.GROUP),
     ]
     app = typer.Typer(cls=command_line.Verbs)
     monkeypatch.setattr(command_line, "app", app)
     monkeypatch.setattr(plugins, "entry_points", lambda group: points)
     command_line._register_all()
-    assert "hello" in get_command(app).commands
+    commands = get_command(app).commands
+    assert "hello" in commands
+    assert commands["run"].callback.__module__ == "heli3dof.cli.run"
+    assert "other" not in commands
+    assert "there is a verb 'run' already" in caplog.text
     assert "the verb ends (sys:exit) does not load" in caplog.text
     assert "the verb broken (no_such_package:register) does not load" in caplog.text
 
