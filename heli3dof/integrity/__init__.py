@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 
+from heli3dof.errors import Heli3dofError
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
 from heli3dof.plugins import modules_of
@@ -24,13 +25,29 @@ from heli3dof.recording.recording import Recording
 
 __all__ = ["Check", "Fault", "Kind", "Stage", "checks", "integrity"]
 
+HELPERS = ("base", "remedies", "response", "view")
+"""Files of this folder without checks"""
+
 
 @cache
 def checks() -> tuple[Check, ...]:
-    """Return all checks, ordered by stage, then by name."""
+    """Return all checks, ordered by stage, then by name.
+
+    Raises Heli3dofError if a file of this folder states none and is not one of the `HELPERS`.
+    """
     result: list[Check] = []
     for module in modules_of(__name__):
-        result += getattr(module, "CHECKS", ())
+        if module.__name__.rpartition(".")[2] in HELPERS:
+            continue
+        stated = getattr(module, "CHECKS", None)
+        if not (isinstance(stated, tuple) and all(isinstance(c, Check) for c in stated)):
+            raise Heli3dofError(
+                f"{module.__name__.replace('.', '/')}.py states no checks that can run.",
+                cause="CHECKS is missing, misspelt, or not a tuple of Check.",
+                fix="correct it, or name a file without checks in HELPERS of "
+                "heli3dof/integrity/__init__.py",
+            )
+        result += stated
     return tuple(sorted(result, key=lambda c: (c.stage, c.name)))
 
 

@@ -14,9 +14,13 @@ from abc import ABC, abstractmethod
 from functools import cache
 from typing import ClassVar
 
+from heli3dof.errors import Heli3dofError
 from heli3dof.experiment.control_loop.control_period import Period
 from heli3dof.plugins import modules_of
 from heli3dof.rig.profile import Profile
+
+HELPERS = ("axis_observer", "wiring_fault")
+"""Files of this folder without monitors"""
 
 
 class SafetyMonitor(ABC):
@@ -50,15 +54,27 @@ class SafetyMonitor(ABC):
 
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
-    """Return this package's subclasses of `SafetyMonitor`, in ascending `SafetyMonitor.order`."""
-    found = {
-        value
-        for module in modules_of(__name__)
-        for value in vars(module).values()
-        if isinstance(value, type)
-        and issubclass(value, SafetyMonitor)
-        and value.__module__ == module.__name__
-    }
+    """Return this package's subclasses of `SafetyMonitor`, in ascending `SafetyMonitor.order`.
+
+    Raises Heli3dofError if a file of this folder has none and is not one of the `HELPERS`.
+    """
+    found: set[type[SafetyMonitor]] = set()
+    for module in modules_of(__name__):
+        here = {
+            value
+            for value in vars(module).values()
+            if isinstance(value, type)
+            and issubclass(value, SafetyMonitor)
+            and value.__module__ == module.__name__
+        }
+        if not here and module.__name__.rpartition(".")[2] not in HELPERS:
+            raise Heli3dofError(
+                f"{module.__name__.replace('.', '/')}.py contains no safety monitor that can run.",
+                cause="its class is not a subclass of SafetyMonitor.",
+                fix="write class NAME(SafetyMonitor), or name a file without monitors in HELPERS "
+                "of heli3dof/experiment/safety_monitors/__init__.py",
+            )
+        found |= here
     return tuple(sorted(found, key=lambda kind: (kind.order, kind.__name__)))
 
 

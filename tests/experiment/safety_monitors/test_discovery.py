@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from heli3dof.errors import Heli3dofError
 from heli3dof.experiment import safety_monitors
 from heli3dof.experiment.safety_monitors import SafetyMonitor, monitor_classes, monitors_for
 from tests.experiment.safety_monitors.periods import PROFILE, period
@@ -71,6 +72,14 @@ def test_a_new_file_is_a_new_monitor() -> None:
     reports = [monitor(period(4)) for monitor in monitors]
     assert [report for report in reports if report] == ["period 4 is too many"]
     assert any(monitor.awaits_fall() for monitor in monitors)
+
+
+@pytest.mark.usefixtures("added_monitor")
+def test_a_file_without_a_monitor_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "no_subclass.py"
+    file.write_text(NEW.replace("(SafetyMonitor)", ""), encoding="utf-8")
+    with pytest.raises(Heli3dofError, match=r"no_subclass\.py contains no safety monitor"):
+        monitors_for(PROFILE)
 
 
 def test_each_flight_gets_new_monitors() -> None:
