@@ -86,7 +86,8 @@ class Plan:
         """Return the plan's signals for control periods of ``dt`` seconds.
 
         ``seed``: seed of the random signals. Raises PlanError, naming the segment, if a
-        value in a segment is too large or too small to compute its signal.
+        value in a segment is too large or too small to compute its signal, or if the signal has
+        another shape or is not finite.
         """
         rng = np.random.default_rng(seed)
         initial = rng.bit_generator.state
@@ -96,16 +97,22 @@ class Plan:
             try:
                 clock = Clock(max(1, round(segment.duration_s / dt)), dt, rng)
                 reference, extra = segment.render(clock, before)
-            except (ArithmeticError, IndexError, ValueError, MemoryError) as problem:
+                mode = segment.opened(clock)
+                for what, signal, columns in (
+                    ("references", reference, 3), ("voltages", extra, 2), ("loop modes", mode, 3)
+                ):  # fmt: skip
+                    if np.shape(signal) != (clock.n, columns) or not np.isfinite(signal).all():
+                        raise ValueError(f"its {what} are not {clock.n} × {columns} finite numbers")
+            except (ArithmeticError, IndexError, TypeError, ValueError, MemoryError) as problem:
                 raise PlanError(
                     f"Segment {k} of the plan {self.name!r} ({segment.kind}) has no signal: "
                     f"{problem}.",
-                    cause="a number in it is far too small or too large.",
+                    cause="a number in it is far too small or too large, or a mistake in its kind.",
                     fix=f"correct segment {k}; docs/reference/plans.md lists each key and its unit",
                 ) from problem
             references.append(reference)
             extras.append(extra)
-            opened.append(segment.opened(clock))
+            opened.append(mode)
             before = reference[-1]
         reference = np.concatenate(references)
         modes = np.concatenate(opened)

@@ -162,6 +162,23 @@ def test_more_volts_than_the_amplifier_gives_are_refused() -> None:
         checked(plan, default_profile(), 0)
 
 
+@pytest.mark.parametrize(
+    ("reference", "extra", "mistake"),
+    [
+        (np.zeros((499, 3)), np.zeros((500, 2)), "references are not 500 × 3"),
+        (np.zeros((500, 3)), np.zeros(500), "voltages are not 500 × 2"),
+        (np.zeros((500, 3)), np.full((500, 2), np.nan), "voltages are not 500 × 2 finite"),
+    ],
+)
+def test_a_segment_with_a_wrong_signal_is_named(
+    reference: np.ndarray, extra: np.ndarray, mistake: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = plan_from_dict(plan_of({"kind": "hold", "duration_s": 1}))
+    monkeypatch.setattr(kinds()["hold"], "render", lambda *_: (reference, extra))
+    with pytest.raises(PlanError, match=rf"Segment 1 .*\(hold\) has no signal: its {mistake}"):
+        plan.render(DT, 0)
+
+
 def test_every_kind_of_segment_has_the_name_of_its_file() -> None:
     for name, kind in kinds().items():
         assert kind.model_fields["kind"].default == name
