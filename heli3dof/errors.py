@@ -91,10 +91,14 @@ class UnstableLoop(CheckFailed):
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the word of ``known`` that is most similar to ``word``; None if none is similar.
 
-    >>> nearest("motr", ["mass", "motor", "loop"])
-    'motor'
+    Upper and lower case count as equal.
+
+    >>> nearest("motr", ["mass", "motor", "loop"]), nearest("L_A", ["L_w", "L_a"])
+    ('motor', 'L_a')
     """
-    return next(iter(difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)), None)
+    words = {each.casefold(): each for each in known}
+    match = difflib.get_close_matches(word.casefold(), words, n=1, cutoff=0.5)
+    return words[match[0]] if match else None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
