@@ -7,7 +7,7 @@ import pytest
 from tests.paths import ROOT
 from tests.test_dependencies import imports_of
 
-ALLOWED = {"errors", "axes", "plugins", "rig"}
+ALLOWED = {"errors", "axes", "effect_names", "plugins", "rig"}
 
 
 @pytest.mark.parametrize(

@@ -51,9 +51,9 @@ class Aboard:
         assert self.rig is not None
         return self.rig.device
 
-    def flown(self, device: str, *words: object) -> Result:
-        """``heli3dof run-step`` on that rig: a hold of 2 s, then a small step for 2 s."""
-        step = ("--roll", "3", "--settle", "2", "--duration", "2")
+    def flown(self, device: str, *words: object, roll: str = "3") -> Result:
+        """``heli3dof run-step`` on that rig: a hold of 2 s, then a step for 2 s."""
+        step = ("--roll", roll, "--settle", "2", "--duration", "2")
         return heli3dof("run-step", *step, "--device", device, "-o", self._path, "--quiet", *words)
 
     def flown_plan(self, plan: str, device: str) -> Result:

@@ -176,7 +176,7 @@ def test_an_amplifier_that_holds_its_voltages_is_stopped(aboard: Aboard) -> None
         )
 
     aboard.at(EVENT_S, hold)
-    done = aboard.flown(MOCK, "--roll", "20")
+    done = aboard.flown(MOCK, roll="20")
     detection_s = aboard.zero_s - 2 * default_profile().dt
     aboard.shows("amplifier_output", done, detection_s)
     assert "has not followed the commands for 51 samples" in done.err

@@ -66,7 +66,7 @@ def test_another_packages_format_is_loaded_and_described(
     assert file_info(path, open_profile())["samples"] == 500
     assert atomic_write.stem(path) == "a"
     assert "importer broken (no_such_package:IMPORTER) does not load" in caplog.text
-    assert "importer wrong (json:loads) does not load: it is a function" in caplog.text
+    assert "importer wrong (json:loads) does not load: TypeError: it is a function" in caplog.text
 
 
 DIALECT = Importer("DIALECT", (".CSV",), NPY.read, recognises=lambda path: "lab" in path.name)
