@@ -59,15 +59,10 @@ def plugin_errors(error: type[Heli3dofError], what: str, module: str) -> Iterato
     except (Exception, SystemExit) as problem:
         if isinstance(problem, Heli3dofError) or package in OWN:
             raise
-        frames = traceback.walk_tb(problem.__traceback__)
-        lines = [
-            f" ({frame.f_code.co_filename}:{line})"
-            for frame, line in frames
-            if frame.f_globals.get("__name__", "").partition(".")[0] == package
-        ]
+        line = last_line(problem, package)
         raise error(
             f"{what} failed: {type(problem).__name__}: {problem}",
-            cause=f"a bug in its package, {package}{lines[-1] if lines else ''}",
+            cause=f"a bug in its package, {package}{f' ({line})' if line else ''}",
             fix=f"correct {package}, or report the bug to its author",
         ) from problem
 
@@ -106,11 +101,16 @@ def where(error: BaseException, entry_point: str) -> str:
     if isinstance(error, CodeError):
         return error.where
     module = entry_point.partition(":")[0]
-    package = module.partition(".")[0]
+    line = last_line(error, module.partition(".")[0])
+    return line or getattr(sys.modules.get(module), "__file__", None) or entry_point
+
+
+def last_line(error: BaseException, package: str) -> str | None:
+    """Return ``file:line`` of the package's line that ran last before ``error``; None without."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
             return f"{frame.f_code.co_filename}:{line}"
-    return getattr(sys.modules.get(module), "__file__", None) or entry_point
+    return None
 
 
 def must_be(expected: type, plugin: object) -> None:

@@ -89,13 +89,13 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 
 
 def continuous(model: LinearModel) -> Continuous:
-    """Return a model converted to continuous time: its field ``exact`` unless that is None.
+    """Return a model converted to continuous time: its field ``sampled_from`` unless that is None.
 
     Otherwise the conversion is the inverse zero-order hold. If this does not exist, it is the
     bilinear rule (Tustin).
     """
-    if model.exact is not None:
-        return model.exact
+    if model.sampled_from is not None:
+        return model.sampled_from
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
         return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")

@@ -25,6 +25,7 @@ from heli3dof.recording.mcap_files.recover import loss_warnings, losses, salvage
 from heli3dof.recording.motors_cut import motors_cut_warnings
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
+from heli3dof.recording.safety_trip import outcome_details
 from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.clock import LATE_S
 from heli3dof.rig.profile import Profile
@@ -82,7 +83,7 @@ def _salvaged(path: Path, profile: Profile | None) -> tuple[Recording, Recording
     if not len(rows):
         return None
     intact = recording_of(rows, content, profile or profile_in(content, path), path)
-    details = {**intact.meta.get("outcome_details", {}), **losses(content, chunks_damaged)}
+    details = {**outcome_details(intact), **losses(content, chunks_damaged)}
     return replace(intact, meta={**intact.meta, "outcome_details": details}), error
 
 
@@ -132,11 +133,11 @@ def summary(recording: Recording) -> dict[str, Any]:
         "seed": meta.get("seed"),
         "seeds": meta.get("seeds"),
         "outcome": meta.get("outcome"),
-        "outcome_details": meta.get("outcome_details", {}),
+        "outcome_details": outcome_details(recording),
         "warnings": [
             *meta.get("warnings", []),
             *([clock] if stuck else []),
-            *loss_warnings(recording.t, meta.get("outcome_details", {})),
+            *loss_warnings(recording.t, outcome_details(recording)),
             *flight_warnings(recording),
             *motors_cut_warnings(recording),
         ],
@@ -147,9 +148,8 @@ def summary(recording: Recording) -> dict[str, Any]:
 
 def flight_warnings(recording: Recording) -> list[str]:
     """Return warnings of a poor link, a wrong output voltage, and constant encoder counts."""
-    details = recording.meta.get("outcome_details") or {}
     return [
-        *link_warnings(details, len(recording), recording.profile.dt),
+        *link_warnings(outcome_details(recording), len(recording), recording.profile.dt),
         *amplifier_warnings(recording),
         *still_encoder_warnings(recording),
     ]

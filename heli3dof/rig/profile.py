@@ -34,13 +34,13 @@ from heli3dof.arrays import FloatArray
 from heli3dof.errors import ProfileError
 from heli3dof.rig.log_columns import LogColumns
 from heli3dof.toml_file import (
-    RECORDED,
     Finite,
     Key,
     Positive,
     Range,
     Section,
     check,
+    is_recorded,
     read_toml,
 )
 
@@ -128,8 +128,7 @@ class Motor(Section):
 
     @model_validator(mode="after")
     def _within_the_amplifier(self, info: ValidationInfo) -> Motor:
-        recorded = info.context is not None and RECORDED in info.context
-        if abs(self.V_o) >= self.v_max and not recorded:
+        if abs(self.V_o) >= self.v_max and not is_recorded(info):
             raise PydanticCustomError(
                 "conflict",
                 "motor.V_o = {V_o} V is not below motor.v_max = {v_max} V: the rig cannot hover",
@@ -317,8 +316,7 @@ class Limits(Section):
 
     @model_validator(mode="after")
     def _lowest_below_highest(self, info: ValidationInfo) -> Limits:
-        recorded = info.context is not None and RECORDED in info.context
-        if self.roll_min_deg >= self.roll_max_deg and not recorded:
+        if self.roll_min_deg >= self.roll_max_deg and not is_recorded(info):
             raise PydanticCustomError(
                 "conflict",
                 "limits.roll_min_deg = {low}° is not below limits.roll_max_deg = {high}°: no roll "

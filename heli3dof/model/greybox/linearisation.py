@@ -247,14 +247,14 @@ def linear(model: GreyBoxModel, dt: float) -> tuple[LinearModel, tuple[str, ...]
     C = np.zeros((3, len(A)))
     C[:, :3] = np.diag(slope)
     names = [*HOVER_STATES, "F_front", "F_back"][: len(A)]
-    exact = Continuous(A, B, C, np.zeros((3, 2)), "hold") if plant.delay <= 0.0 else None
+    sampled_from = Continuous(A, B, C, np.zeros((3, 2)), "hold") if plant.delay <= 0.0 else None
     A, B, C = _delayed(*c2d_zoh(A, B, dt), C, plant.delay / dt)
     for i in range((len(A) - len(names)) // 2):
         names += [f"v_front_delayed_{i + 1}", f"v_back_delayed_{i + 1}"]
     return LinearModel(
         name=model.name, kind=model.kind, A=A, B=B, C=C, K=np.zeros((len(A), 3)),
         S=np.full((3, 3), np.nan), u0=u0, y0=m, dt=dt, profile=model.profile,
-        exact=exact,
+        sampled_from=sampled_from,
     ), tuple(names)  # fmt: skip
 
 

@@ -59,7 +59,7 @@ class LinearModel:
     exact_hold: bool = False
     """True if A, B are the zero-order hold of a continuous-time model (hover, eq (17)), so that the
     model can be resampled. An identified model is valid at its own interval only."""
-    exact: Continuous | None = None
+    sampled_from: Continuous | None = None
     """The continuous-time model of which A, B are the zero-order hold; None: not known"""
     file: Path | None = None
     """The file from which the model was read"""

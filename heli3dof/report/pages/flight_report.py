@@ -23,6 +23,7 @@ from heli3dof.identification.result import Identification
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.safety_trip import outcome_details
 from heli3dof.report.figures.comparison import NUMBER, axis_figures
 from heli3dof.report.figures.diagnosis_data import FigureData, figure_data
 from heli3dof.report.figures.flight import flight_figure
@@ -200,7 +201,7 @@ def _summary(r: Recording) -> dict[str, Any]:
 
 def _ending(r: Recording) -> list[str]:
     """Return [outcome] or [outcome, reason] of a flight; an empty list for an imported log."""
-    outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
+    outcome, details = r.meta.get("outcome"), outcome_details(r)
     if outcome is None:
         return []
     reason = details.get("detail") or details.get("reason")
